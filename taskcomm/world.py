@@ -215,7 +215,8 @@ class BallWorld:
             return BallState(lit, ball, placements)
         if name == "release":
             return BallState(lit, None, placements)
-        assert action.distance is not None and action.reference is not None
+        if action.distance is None or action.reference is None:  # a slide has both
+            raise InvalidAction(f"{action} lacks a distance or a reference")
         change = action.distance - self.distance(state, ball, action.reference)
         moved = [None if p is not None and p[0] == ball else p for p in placements]
         moved[ball - 1] = (action.reference, action.distance)

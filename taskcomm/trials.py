@@ -1,0 +1,95 @@
+"""A trial: what the robot did, when the teacher pressed, and how it ended."""
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskcomm.world import World
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One time step: the robot's action, then whether the spacebar was pressed.
+
+    `action_source` is `planner`, `operator` or `default`; `mental_state` is known in simulated
+    trials only; `timing` holds onset, late_ms and plan_ms where they were measured.
+    """
+
+    action: Hashable
+    pressed: bool
+    action_source: str = "planner"
+    mental_state: str | None = None
+    timing: Mapping[str, float] | None = None
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A finished or broken-off trial. `dt` is in seconds.
+
+    `task` is the teacher's card, None where unknown. `reason` is `final`, `timeout`, `aborted`, or
+    None where the log broke off; `displayed` is the task shown with Final. `robot_model` is {name,
+    sha256}, `planner` {horizon, threshold, seed}. `ratings`, `events` and `labels` hold those
+    lines of the log as mappings.
+    """
+
+    trial_id: str
+    world: World
+    task: Any | None
+    steps: tuple[Step, ...]
+    dt: float = 0.5
+    reason: str | None = None
+    displayed: Any | None = None
+    participant_id: str | None = None
+    operator_id: str | None = None
+    session: str | None = None
+    trial_index: int = 0
+    condition: str = "other"
+    source: str = "simulated"
+    robot_model: Mapping[str, str] | None = None
+    planner: Mapping[str, Any] | None = None
+    started_utc: str | None = None
+    taskcomm_version: str | None = None
+    ratings: tuple[Mapping[str, Any], ...] = ()
+    events: tuple[Mapping[str, Any], ...] = ()
+    labels: tuple[Mapping[str, Any], ...] = field(default=())
+
+    @property
+    def num_steps(self) -> int:
+        """Number of observations; time to the end is num_steps * dt."""
+        return len(self.steps)
+
+    @property
+    def duration(self) -> float:
+        """Length in seconds."""
+        return self.num_steps * self.dt
+
+    @property
+    def correct(self) -> bool | None:
+        """Whether Final showed the teacher's task; a timeout is not correct; None if unknown."""
+        if self.reason == "timeout":
+            return False
+        if self.reason != "final" or self.task is None:
+            return None
+        return bool(self.displayed == self.task)
+
+    @property
+    def actions(self) -> tuple[Hashable, ...]:
+        return tuple(step.action for step in self.steps)
+
+    @property
+    def presses(self) -> NDArray[np.bool_]:
+        """Whether the spacebar was pressed, shape (num_steps,)."""
+        return np.array([step.pressed for step in self.steps], dtype=np.bool_)
+
+    @cached_property
+    def states(self) -> tuple[Hashable, ...]:
+        """The world state at the end of each step, shape (num_steps,), recomputed from the actions."""
+        state, states = self.world.start(), []
+        for step in self.steps:
+            state = self.world.step(state, step.action)
+            states.append(state)
+        return tuple(states)
