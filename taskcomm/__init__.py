@@ -21,7 +21,7 @@ _HOME = {
     "LogError": "taskcomm.logs",
     "ModelError": "taskcomm.teacher",
     "Robot": "taskcomm.robot",
-    "ScriptedOperator": "taskcomm.wizard",
+    "ScriptedOperator": "taskcomm.operators",
     "SimulatedTeacher": "taskcomm.simulate",
     "TableTop": "taskcomm.teacher",
     "Task": "taskcomm.tasks",
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from taskcomm.teacher import TableTop as TableTop
     from taskcomm.teacher import TeacherModel as TeacherModel
     from taskcomm.trials import Trial as Trial
-    from taskcomm.wizard import ScriptedOperator as ScriptedOperator
+    from taskcomm.operators import ScriptedOperator as ScriptedOperator
     from taskcomm.world import Action as Action
     from taskcomm.world import BallState as BallState
     from taskcomm.world import BallWorld as BallWorld
