@@ -1,0 +1,55 @@
+# Everything is one command from a clean checkout; set-up happens when it is needed, once.
+# make demo PYTHON=python3.12 picks another interpreter for .venv.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+PYTEST := $(BIN)/python -m pytest
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test lint types layers check verify bench clean
+
+help:  ## what can be made
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):[^#]*## */\1\t/' | expand -t 10
+
+setup: $(READY)  ## .venv with everything in it
+
+# The mark is the last thing written: a set-up that broke off starts over; a finished one is brought up to date.
+$(READY): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "taskcomm needs Python 3.11 or later; '$(PYTHON)' is `$(PYTHON) -V 2>&1`." \
+	    "Name another: make setup PYTHON=python3.11" >&2; exit 1; }
+	@if [ -e $@ ]; then rm $@; else echo "Setting up $(VENV) (a minute or two, once)"; \
+	  $(PYTHON) -m venv --clear $(VENV); fi
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[learn,dev]'
+	@touch $@
+
+demo: $(READY)  ## learn a teacher from the logged trials and compare the robots: demo-results/
+	$(BIN)/taskcomm demo --out demo-results
+
+test: $(READY)  ## every test but the long ones
+	$(PYTEST) -n auto
+
+lint: $(READY)  ## formatting and lint
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+
+types: $(READY)  ## mypy --strict
+	$(BIN)/mypy
+
+layers: $(READY)  ## who may import whom
+	$(BIN)/lint-imports
+
+check: lint types layers test  ## lint, types, layers and tests
+
+verify: $(READY)  ## the long tests: thousands of comparisons, closed-loop studies
+	$(PYTEST) -n auto -m verify --hypothesis-profile verify
+
+bench: $(READY)  ## timings, each a ratio between two ways
+	$(PYTEST) tests/benchmarks -o python_files='bench_*.py'
+
+clean:  ## remove .venv and everything made
+	rm -rf $(VENV) demo-results build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis \
+	  .import_linter_cache .benchmarks
+	find . -name __pycache__ -prune -exec rm -rf {} +
