@@ -39,7 +39,7 @@ types: $(READY)  ## mypy --strict
 	$(BIN)/mypy
 
 layers: $(READY)  ## who may import whom
-	$(BIN)/lint-imports
+	$(BIN)/lint-imports --no-logo
 
 check: lint types layers test  ## lint, types, layers and tests
 

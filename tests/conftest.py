@@ -1,0 +1,12 @@
+"""How Hypothesis searches: the same examples every time in the quick run, new ones in `make verify`."""
+
+from hypothesis import HealthCheck, settings
+
+SLOW_DATA = [HealthCheck.too_slow]
+settings.register_profile(
+    "quick", deadline=None, derandomize=True, max_examples=40, suppress_health_check=SLOW_DATA
+)
+settings.register_profile(
+    "verify", deadline=None, max_examples=1000, suppress_health_check=SLOW_DATA, print_blob=True
+)
+settings.load_profile("quick")
