@@ -4,7 +4,7 @@ from hypothesis import HealthCheck, settings
 
 SLOW_DATA = [HealthCheck.too_slow]
 settings.register_profile(
-    "quick", deadline=None, derandomize=True, max_examples=40, suppress_health_check=SLOW_DATA
+    "quick", deadline=None, derandomize=True, max_examples=60, suppress_health_check=SLOW_DATA
 )
 settings.register_profile(
     "verify", deadline=None, max_examples=1000, suppress_health_check=SLOW_DATA, print_blob=True
