@@ -1,0 +1,291 @@
+"""The memory of one trial as a lattice of last resets (MODEL.md, sections 5 and 7).
+
+Given a task, the hidden memory of a teacher is which press was the last to reset each approval state.
+It changes only at presses, so a trial is a row of layers: between two presses the memory is constant,
+and at each press a reason (mistake, or one of the approvals) leads to a memory of the next layer. The
+lattice depends on the parameters only through an `Extent`, so that it is built once and used for every
+set of parameters within it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskcomm.teacher import Parameters
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+MAX_MEMORIES = 200_000
+SLACK = 1e-9
+
+
+class LatticeTooLarge(ValueError):
+    """More memories than `MAX_MEMORIES`, summed over the layers of one trial under one task."""
+
+
+@dataclass(frozen=True)
+class Extent:
+    """The parameters for which a lattice holds: longest rise and fall (s), and the lags of the cues.
+
+    Arrays over the M approval states. A cue read with delay d at step t is c[t - n - 1] and c[t - n];
+    `least_late` and `most_late` bound those lags in steps. `decays` says where the probability also
+    depends on how long the cue has been on; `rest_steps` is how many steps after a press no approval
+    can follow.
+    """
+
+    rise: Floats
+    fall: Floats
+    least_late: Ints
+    most_late: Ints
+    decays: Bools
+    rest_steps: int
+
+    @classmethod
+    def of(cls, parameters: Parameters) -> Self:
+        """The extent that holds one model alone: the smallest lattice."""
+        p = parameters
+        most = p.steps_late + (p.part_late > 0)
+        return cls(p.rise, p.fall, p.steps_late, most, np.isfinite(p.decay), p.rest_steps)
+
+
+class Lattice(NamedTuple):
+    """Lattices of several units, a unit being one trial under one task, as flat arrays.
+
+    `cues` holds the cue of each (unit, approval) over time, `rests` each unit's steps in which no
+    approval can happen. A *track* is the level of one approval since one reset: approval
+    `track_state`, from step `track_first` for `track_length` steps, stored from `track_at`; its cue is
+    `cues[track_cue + t]`, its rest `rests[track_rest + t]`. Layer l spans the steps from `layer_first`
+    up to its press at `layer_press` (or the end of the trial, for the last of a unit) and holds the
+    memories `layer_memories[l]` to `layer_memories[l + 1]`. Memory s reads the level of approval m at
+    step t from `memory_base[s, m] + t`, and goes to memory `memory_next[s, reason]` at the press:
+    reason 0 is mistake, 1 + m is approval m, and -1 says that it cannot happen. Unit u has the layers
+    `unit_layers[u]` to `unit_layers[u + 1]` and the tracks `unit_tracks[u]` to `unit_tracks[u + 1]`.
+    """
+
+    cues: NDArray[np.uint8]
+    rests: NDArray[np.uint8]
+    track_state: Ints
+    track_first: Ints
+    track_length: Ints
+    track_at: Ints
+    track_cue: Ints
+    track_rest: Ints
+    layer_first: Ints
+    layer_press: Ints
+    layer_memories: Ints
+    memory_base: Ints
+    memory_next: Ints
+    unit_layers: Ints
+    unit_tracks: Ints
+
+    @property
+    def size(self) -> int:
+        """How many levels all the tracks hold."""
+        return int(self.track_length.sum())
+
+
+class _Unit(NamedTuple):
+    cues: NDArray[np.uint8]
+    rests: NDArray[np.uint8]
+    track_state: Ints
+    track_first: Ints
+    track_length: Ints
+    layer_first: Ints
+    layer_press: Ints
+    layer_sizes: Ints
+    memory_track: Ints
+    memory_next: Ints
+
+
+def _runs(flags: Bools) -> Ints:
+    """How many steps up to and with each step the flag has been set without a break, down axis 0."""
+    steps = np.arange(1, len(flags) + 1)[:, None]
+    return np.asarray(steps - np.maximum.accumulate(np.where(flags, 0, steps), axis=0), dtype=np.int64)
+
+
+def _late_cues(cues: Bools, extent: Extent) -> tuple[Bools, Bools]:
+    """Where the late cue is off, and on, throughout a step whatever the delay, each (T, M)."""
+    off, on = np.ones_like(cues), np.ones_like(cues)
+    for m in range(cues.shape[1]):
+        for late in range(int(extent.least_late[m]), int(extent.most_late[m]) + 1):
+            seen = np.zeros(len(cues), dtype=np.bool_)
+            seen[late:] = cues[: len(cues) - late, m] if late < len(cues) else False
+            off[:, m] &= ~seen
+            on[:, m] &= seen
+    return off, on
+
+
+def _last_true(flags: Bools) -> Ints:
+    """The last step up to and with each step at which the flag was set, -1 if none, down axis 0."""
+    steps = np.arange(len(flags))[:, None]
+    return np.asarray(np.maximum.accumulate(np.where(flags, steps, -1), axis=0), dtype=np.int64)
+
+
+class _Certainty(NamedTuple):
+    """What holds for every parameter of an extent, each (T, M), by step.
+
+    `zero`: the level is 0; `off_run`: steps the late cue has been off; `forgets`: resets up to this
+    step (-1: none) make no difference any more.
+    """
+
+    zero: Bools
+    off_run: Ints
+    forgets: Ints
+
+
+def _certainty(cues: Bools, extent: Extent, dt: float) -> _Certainty:
+    off, on = _late_cues(cues, extent)
+    off_run, on_run = _runs(off), _runs(on)
+    steps = np.arange(1, len(cues) + 1)[:, None]
+    zero = (off_run * dt >= extent.fall * (1 + SLACK)) | (off_run == steps)
+    # A level is 1 for certain once its cue has been on, since the reset too, for the longest rise.
+    needed = np.ceil(extent.rise * (1 + SLACK) / dt).astype(np.int64)
+    full = np.maximum.accumulate(np.where(on_run >= needed, steps - 1 - needed, -1), axis=0)
+    # With decay, the time the cue has been on also remembers a reset, until the cue goes off.
+    settled = _last_true(off)
+    kept = np.take_along_axis(full, np.maximum(settled, 0), axis=0)
+    full = np.where(extent.decays, np.where(settled >= 0, kept, -1), full)
+    return _Certainty(zero, off_run, np.maximum(_last_true(zero), full))
+
+
+def _unique_rows(rows: Ints, base: int) -> tuple[Ints, Ints]:
+    """The distinct rows in order, and where each row went; entries lie in [0, base)."""
+    code = np.zeros(len(rows), dtype=np.int64)
+    for m in range(rows.shape[1]):
+        if base ** (m + 1) >= 1 << 62:
+            code = np.unique(code, return_inverse=True)[1]
+        code = code * base + rows[:, m]
+    _, index, inverse = np.unique(code, return_index=True, return_inverse=True)
+    return rows[index], inverse.astype(np.int64)
+
+
+def build_unit(cues: Bools, presses: Bools, extent: Extent, dt: float) -> _Unit:
+    """The lattice of one trial under one task: `cues` (T, M), `presses` (T,).
+
+    Resets that give the same levels for every parameter within the extent are one, and a reset of a
+    level that is certainly 0 does not happen. Raises LatticeTooLarge past MAX_MEMORIES.
+    """
+    steps, states = cues.shape
+    certain = _certainty(cues, extent, dt)
+    press_steps = np.flatnonzero(presses)
+    resets = np.concatenate([[-1], press_steps])
+    layers, moves, last_use = [], [], np.zeros((states, len(resets)), dtype=np.int64)
+    memories, count = np.zeros((1, states), dtype=np.int64), 0
+    for k in range(len(resets)):
+        layers.append(memories)
+        count += len(memories)
+        if count > MAX_MEMORIES:
+            raise LatticeTooLarge(
+                f"more than {MAX_MEMORIES} memories by press {k} of {len(press_steps)} (step {resets[k]} of"
+                f" {steps}): too many presses while levels rise and fall; shorter bounds on rise, fall and"
+                " delay make a trial smaller"
+            )
+        end = press_steps[k] + 1 if k < len(press_steps) else steps
+        for m in range(states):
+            last_use[m, memories[:, m]] = end
+        if k < len(press_steps):
+            memories, move = _press(memories, k, resets, certain, extent.rest_steps)
+            moves.append(move)
+    return _assemble(cues, resets, layers, moves, last_use, extent.rest_steps)
+
+
+def _press(memories: Ints, k: int, resets: Ints, certain: _Certainty, rest_steps: int) -> tuple[Ints, Ints]:
+    """The memories after press k + 1, and where each old memory goes for each reason."""
+    step, states = int(resets[k + 1]), memories.shape[1]
+    resting = k > 0 and step - resets[k] <= rest_steps
+    off_run = certain.off_run[step]
+    possible = ~certain.zero[step] & (step - resets[memories] > off_run) & (not resting)
+    rows, sources = [memories], [np.arange(len(memories))]
+    for m in range(states):
+        source = np.flatnonzero(possible[:, m])
+        after = memories[source]
+        # A reset while the cue is off, since an earlier press, leaves the same level 0 as that one.
+        after[:, m] = 1 + np.searchsorted(resets[1:], step - off_run[m])
+        rows.append(after)
+        sources.append(source)
+    every = np.concatenate(rows)
+    every[resets[every] <= certain.forgets[step]] = 0
+    after, where = _unique_rows(every, len(resets))
+    move = np.full((len(memories), states + 1), -1, dtype=np.int64)
+    at = 0
+    for reason, source in enumerate(sources):
+        move[source, reason] = where[at : at + len(source)]
+        at += len(source)
+    return after, move
+
+
+def _assemble(
+    cues: Bools, resets: Ints, layers: list[Ints], moves: list[Ints], last_use: Ints, rest_steps: int
+) -> _Unit:
+    steps, states = cues.shape
+    sizes = np.array([len(layer) for layer in layers], dtype=np.int64)
+    starts = np.concatenate([[0], np.cumsum(sizes)])
+    state, reset = np.nonzero(last_use)
+    track = np.zeros_like(last_use)
+    track[state, reset] = np.arange(len(state))
+    memories = np.concatenate(layers)
+    after = np.full((len(memories), states + 1), -1, dtype=np.int64)
+    for k, move in enumerate(moves):
+        after[starts[k] : starts[k + 1]] = np.where(move >= 0, move + starts[k + 1], -1)
+    rests = np.zeros(steps, dtype=np.uint8)
+    for step in resets[1:]:
+        rests[step + 1 : step + 1 + rest_steps] = 1
+    return _Unit(
+        cues=np.ascontiguousarray(cues.T).astype(np.uint8),
+        rests=rests,
+        track_state=state.astype(np.int64),
+        track_first=resets[reset] + 1,
+        track_length=last_use[state, reset] - resets[reset] - 1,
+        layer_first=resets + 1,
+        layer_press=np.append(resets[1:], steps),
+        layer_sizes=sizes,
+        memory_track=track[np.arange(states), memories],
+        memory_next=after,
+    )
+
+
+def join(units: Sequence[_Unit]) -> Lattice:
+    """Several units as one flat lattice, in order."""
+
+    def starts(lengths: Sequence[int]) -> Ints:
+        return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
+
+    tracks = starts([len(unit.track_state) for unit in units])
+    memories = starts([len(unit.memory_next) for unit in units])
+    cue_at, rest_at = starts([unit.cues.size for unit in units]), starts([unit.rests.size for unit in units])
+    length = np.concatenate([unit.track_length for unit in units])
+    first = np.concatenate([unit.track_first for unit in units])
+    at = starts(list(length))[:-1]
+    return Lattice(
+        cues=np.concatenate([unit.cues.ravel() for unit in units]),
+        rests=np.concatenate([unit.rests for unit in units]),
+        track_state=np.concatenate([unit.track_state for unit in units]),
+        track_first=first,
+        track_length=length,
+        track_at=at,
+        track_cue=np.concatenate(
+            [cue_at[u] + unit.track_state * unit.cues.shape[1] for u, unit in enumerate(units)]
+        ),
+        track_rest=np.concatenate(
+            [np.full(len(unit.track_state), rest_at[u]) for u, unit in enumerate(units)]
+        ),
+        layer_first=np.concatenate([unit.layer_first for unit in units]),
+        layer_press=np.concatenate([unit.layer_press for unit in units]),
+        layer_memories=starts([size for unit in units for size in unit.layer_sizes]),
+        memory_base=np.concatenate(
+            [(at - first)[tracks[u] + unit.memory_track] for u, unit in enumerate(units)]
+        ),
+        memory_next=np.concatenate(
+            [
+                np.where(unit.memory_next >= 0, unit.memory_next + memories[u], -1)
+                for u, unit in enumerate(units)
+            ]
+        ),
+        unit_layers=starts([len(unit.layer_first) for unit in units]),
+        unit_tracks=tracks,
+    )
