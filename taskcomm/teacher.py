@@ -24,12 +24,16 @@ class ModelError(ValueError):
     """A teacher model that cannot be; the message names the field."""
 
 
-def _number(name: str, value: Any, least: float = 0.0, above: bool = False) -> float:
+def _number(name: str, value: Any, above: bool = False) -> float:
+    """`value` as a finite float of at least 0, or above it."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise ModelError(f"{name}: must be a number, not {value!r}")
-    number = float(value)
-    if not math.isfinite(number) or number < least or (above and number == least):
-        raise ModelError(f"{name}: must be {'above' if above else 'at least'} {least:g}, not {value!r}")
+    try:
+        number = float(value) + 0.0  # -0.0 is 0.0
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number) or number < 0 or (above and number == 0):
+        raise ModelError(f"{name}: must be finite and {'above' if above else 'at least'} 0, not {value!r}")
     return number
 
 
@@ -70,7 +74,7 @@ class TableTop:
             raise ModelError(f"peak: must be below 1, not {self.peak:g}")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Parameters:
     """A model as arrays over its M approval states, for one World; read-only.
 
@@ -136,8 +140,13 @@ class TeacherModel:
         total = self.mistake + sum(top.peak for top in self.approvals.values())
         if total >= 1:
             raise ModelError(f"mistake and peaks: must sum to less than 1, not {total:g}")
+        if not isinstance(self.provenance, Mapping):
+            raise ModelError(f"provenance: must be a mapping, not {self.provenance!r}")
         object.__setattr__(self, "approvals", MappingProxyType(dict(self.approvals)))
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
+
+    def __hash__(self) -> int:
+        return hash((self.mistake, self.dt, self.rest, frozenset(self.approvals.items())))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _rebuild, (self.mistake, dict(self.approvals), self.dt, self.rest, dict(self.provenance))
@@ -225,8 +234,10 @@ class TeacherModel:
     def from_json(cls, text: str | bytes) -> Self:
         """The model of a model file; ModelError says which field is wrong and why."""
         try:
-            document = json.loads(text)
-        except ValueError as error:
+            document = json.loads(text, object_pairs_hook=_object)
+        except ModelError:
+            raise
+        except (ValueError, RecursionError) as error:
             raise ModelError(f"not JSON: {error}") from None
         if not isinstance(document, dict):
             raise ModelError("a model file holds one JSON object")
@@ -237,7 +248,7 @@ class TeacherModel:
         if units != UNITS:
             raise ModelError(f"units: must be {UNITS}, not {units!r}")
         known = {"dt", "mistake", "rest", "approvals", "provenance"}
-        for name in {"dt", "mistake", "approvals"} - set(document):
+        for name in sorted({"dt", "mistake", "approvals"} - set(document)):
             raise ModelError(f"{name}: missing")
         for name in sorted(set(document) - known):
             raise ModelError(f"{name}: unknown field")
@@ -267,6 +278,14 @@ class TeacherModel:
             return cls.from_json(Path(path).read_bytes())
         except ModelError as error:
             raise ModelError(f"{path}: {error}") from None
+
+
+def _object(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    document = dict(pairs)
+    if len(document) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise ModelError(f"{next(name for name in names if names.count(name) > 1)}: given twice")
+    return document
 
 
 def _rebuild(*values: Any) -> TeacherModel:
