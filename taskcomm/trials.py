@@ -3,6 +3,7 @@
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import count, islice
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,8 @@ class Trial:
     `task` is the teacher's card, None where unknown. `reason` is `final`, `timeout`, `aborted`, or
     None where the log broke off; `displayed` is the task shown with Final. `robot_model` is {name,
     sha256}, `planner` {horizon, threshold, seed}. `ratings`, `events` and `labels` hold those
-    lines of the log as mappings.
+    lines of the log as mappings, each with its place `seq` in the trial's lines (without it, it is
+    written after all others); a `resume` line is an event of that `type`.
     """
 
     trial_id: str
@@ -93,3 +95,19 @@ class Trial:
             state = self.world.step(state, step.action)
             states.append(state)
         return tuple(states)
+
+    @property
+    def step_seqs(self) -> tuple[int, ...]:
+        """The place of each step among the trial's lines: what `press_seq` of a label refers to."""
+        extras = (*self.events, *self.ratings, *self.labels)
+        taken = {line["seq"] for line in extras if "seq" in line}
+        return tuple(islice((seq for seq in count(1) if seq not in taken), self.num_steps))
+
+    @property
+    def reasons(self) -> dict[int, str]:
+        """Known mental states behind presses, by step: as simulated or, above that, as labelled."""
+        known = {
+            t: step.mental_state for t, step in enumerate(self.steps) if step.pressed and step.mental_state
+        }
+        at = {seq: t for t, seq in enumerate(self.step_seqs)}
+        return known | {at[label["press_seq"]]: label["mental_state"] for label in self.labels}

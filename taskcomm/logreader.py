@@ -1,0 +1,271 @@
+"""From lines to trials: every check of a trial log, with file, line and reason."""
+
+import gzip
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from taskcomm.loglines import (
+    EventLine,
+    LabelLine,
+    Line,
+    LineError,
+    RatingLine,
+    ResumeLine,
+    StepLine,
+    TrialEnd,
+    TrialStart,
+    decode,
+    known_keys,
+    structure,
+)
+from taskcomm.logworld import WorldIndex, world_of
+from taskcomm.trials import Step, Trial
+from taskcomm.world import World
+
+
+class LogError(ValueError):
+    """A log that cannot be read or written: file, line and reason."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing found in a log; `line` is None where it concerns the whole file."""
+
+    path: str
+    line: int | None
+    reason: str
+
+    def __str__(self) -> str:
+        place = self.path if self.line is None else f"{self.path}:{self.line}"
+        return f"{place}: {self.reason}"
+
+
+class LogReader:
+    """Reads files into trials. `strict` raises LogError at the first problem; else all are kept.
+
+    `problems` make a log unfit; `notices` do not: unknown keys and types of line, which are
+    ignored, a torn last line, which is dropped, a trial that broke off.
+    """
+
+    def __init__(self, world: World | None = None, strict: bool = True) -> None:
+        self.problems: list[Finding] = []
+        self.notices: list[Finding] = []
+        self.torn: list[Finding] = []
+        self._given, self._strict = world, strict
+        self._worlds: dict[str, WorldIndex] = {}
+        self._trials: dict[str, _OpenTrial | None] = {}
+        self._noticed: set[tuple[str, str]] = set()
+
+    def trials(self) -> list[Trial]:
+        """Every trial without a problem, in the order in which they began."""
+        return [part.trial() for part in self._trials.values() if part is not None and not part.broken]
+
+    def read(self, path: Path) -> None:
+        """Read one file, .jsonl or .jsonl.gz."""
+        self._path, self._line = str(path), None
+        self._opened: list[_OpenTrial] = []
+        try:
+            lines = _bytes_of(path).removeprefix(b"\xef\xbb\xbf").split(b"\n")
+            if not any(line.strip() for line in lines):
+                raise LineError("empty: a log holds at least one line")
+        except LineError as error:
+            self._problem(str(error))
+            return
+        for number, text in enumerate(lines, 1):
+            self._line = number
+            try:
+                self._read_line(text)
+            except LineError as error:
+                if number == len(lines) and _is_torn(text):
+                    self.torn.append(Finding(self._path, number, "torn last line, dropped"))
+                    self.notices.append(self.torn[-1])
+                else:
+                    self._problem(str(error))
+        self._line = None
+        if not self._opened and not self.problems:
+            self._problem("no trial in it")
+        for part in self._opened:
+            if part.end is None:
+                self._notice(f"trial {part.start.trial_id!r} broke off after {len(part.steps)} steps")
+
+    def _problem(self, reason: str) -> None:
+        finding = Finding(self._path, self._line, reason)
+        if self._strict:
+            raise LogError(str(finding))
+        self.problems.append(finding)
+
+    def _notice(self, reason: str) -> None:
+        if (self._path, reason) not in self._noticed:
+            self._noticed.add((self._path, reason))
+            self.notices.append(Finding(self._path, self._line, reason))
+
+    def _read_line(self, text: bytes) -> None:
+        if not text.strip():
+            return
+        document = decode(text)
+        try:
+            line = structure(document)
+        except LineError:
+            self._give_up(document.get("trial_id"))
+            raise
+        if isinstance(line, TrialStart):
+            self._begin(line)
+        name = document["trial_id"]
+        if name not in self._trials:
+            self._trials[name] = None
+            raise LineError(f"trial {name!r} has no trial_start line before this {document['type']} line")
+        part = self._trials[name]
+        if part is None or part.broken:
+            return
+        try:
+            part.add(document["seq"], line, document)
+        except LineError:
+            part.broken = True
+            raise
+        finally:
+            self._notice_unknown(line, document)
+
+    def _notice_unknown(self, line: Line | None, document: dict[str, Any]) -> None:
+        if line is None:
+            self._notice(f"lines of type {document['type']!r} are unknown and ignored")
+            return
+        for key in sorted(set(document) - (known_keys(line) or set(document))):
+            self._notice(f"key {key!r} of {document['type']} lines is unknown and ignored")
+
+    def _begin(self, line: TrialStart) -> None:
+        if line.trial_id in self._trials:
+            before = self._trials[line.trial_id]
+            place = f", first in {before.place}" if before is not None else ""
+            raise LineError(f"trial {line.trial_id!r} is there twice{place}")
+        self._trials[line.trial_id] = None
+        key = repr(sorted(line.world.items()))
+        if key not in self._worlds:
+            self._worlds[key] = WorldIndex(world_of(line.world, self._given))
+        part = _OpenTrial(line, self._worlds[key], f"{self._path}:{self._line}")
+        self._trials[line.trial_id] = part
+        self._opened.append(part)
+
+    def _give_up(self, name: Any) -> None:
+        part = self._trials.get(name) if isinstance(name, str) else None
+        if part is not None:
+            part.broken = True
+        elif isinstance(name, str):
+            self._trials[name] = None
+
+
+class _OpenTrial:
+    """A trial being read. Line numbers in it leave out lines of unknown type."""
+
+    def __init__(self, start: TrialStart, index: WorldIndex, place: str) -> None:
+        self.start, self.index, self.place = start, index, place
+        try:
+            self.task = None if start.task is None else index.task(start.task)
+        except LineError as error:
+            raise LineError(f"task card: {error}") from None
+        self.state: Any = index.world.start()
+        self.broken = False
+        self.next_seq = 0
+        self.places: dict[int, int] = {}  # seq in the file -> place among the lines that are known
+        self.presses: dict[int, bool] = {}  # seq in the file -> pressed
+        self.steps: list[Step] = []
+        self.end: TrialEnd | None = None
+        self.displayed: Any = None
+        self.extras: dict[str, list[dict[str, Any]]] = {"events": [], "ratings": [], "labels": []}
+
+    def add(self, seq: int, line: Line | None, document: dict[str, Any]) -> None:
+        """Take in the next line of this trial, or raise LineError."""
+        if seq != self.next_seq:
+            raise LineError(f"seq: {seq} where {self.next_seq} was due; lines are missing or out of order")
+        self.next_seq += 1
+        if line is None:
+            return
+        self.places[seq] = place = len(self.places)
+        if isinstance(line, StepLine):
+            self._add_step(line)
+        elif isinstance(line, TrialEnd):
+            self._add_end(line)
+        elif isinstance(line, LabelLine):
+            if not self.presses.get(line.press_seq):
+                raise LineError(f"press_seq: line {line.press_seq} of this trial is no step with a press")
+            changed = {"seq": place, "press_seq": self.places[line.press_seq]}
+            self.extras["labels"].append(_body(document) | changed)
+        elif isinstance(line, RatingLine):
+            self.extras["ratings"].append(_body(document) | {"seq": place})
+        elif isinstance(line, (EventLine, ResumeLine)):
+            kind = {"type": "resume"} if isinstance(line, ResumeLine) else {}
+            self.extras["events"].append(kind | _body(document) | {"seq": place})
+
+    def _add_step(self, line: StepLine) -> None:
+        if self.end is not None:
+            raise LineError("step: it comes after the end of its trial")
+        if line.t != len(self.steps):
+            raise LineError(f"t: {line.t} where {len(self.steps)} was due; steps are missing or out of order")
+        action, self.state = self.index.step(self.state, line.action)
+        self.presses[line.seq] = line.press
+        self.steps.append(Step(action, line.press, line.action_source, line.mental_state, line.timing))
+
+    def _add_end(self, line: TrialEnd) -> None:
+        if self.end is not None:
+            raise LineError("trial_end: the trial has ended before")
+        if line.num_steps != len(self.steps):
+            raise LineError(f"num_steps: {line.num_steps}, but the trial has {len(self.steps)} steps")
+        if (line.displayed is None) == (line.reason == "final"):
+            raise LineError(
+                f"displayed: a trial that ends as {line.reason!r} shows "
+                f"{'a' if line.displayed is None else 'no'} task"
+            )
+        self.displayed = None if line.displayed is None else self.index.task(line.displayed)
+        self.end = line
+        correct = self.trial().correct
+        if line.correct is not None and line.correct != correct:
+            raise LineError(f"correct: {line.correct}, but card and displayed task say {correct}")
+
+    def trial(self) -> Trial:
+        """What has been read."""
+        start: dict[str, Any] = {
+            name: getattr(self.start, name)
+            for name in self.start.__struct_fields__
+            if name not in ("seq", "schema", "world", "task")
+        }
+        return Trial(
+            world=self.index.world,
+            task=self.task,
+            steps=tuple(self.steps),
+            reason=None if self.end is None else self.end.reason,
+            displayed=self.displayed,
+            events=tuple(self.extras["events"]),
+            ratings=tuple(self.extras["ratings"]),
+            labels=tuple(self.extras["labels"]),
+            **start,
+        )
+
+
+def _body(document: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in document.items() if key not in ("type", "trial_id")}
+
+
+def _bytes_of(path: Path) -> bytes:
+    try:
+        content = path.read_bytes()
+        packed = content.startswith(b"\x1f\x8b")
+        if path.name.endswith(".gz") and not packed:
+            raise LineError("not a gzip file")
+        return gzip.decompress(content) if packed else content
+    except FileNotFoundError:
+        raise LineError("no such file") from None
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise LineError(f"its gzip data cannot be unpacked: {error}") from None
+    except OSError as error:
+        raise LineError(f"cannot be read: {error.strerror or error}") from None
+
+
+def _is_torn(text: bytes) -> bool:
+    try:
+        msgspec.json.decode(text)
+    except ValueError:
+        return True
+    return False

@@ -1,0 +1,183 @@
+"""Trial logs: read, write, validate. Schema `taskcomm.trial/1`, JSON Lines, plain or gzipped."""
+
+import gzip
+import os
+import warnings
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from taskcomm.loglines import SCHEMA, encode
+from taskcomm.logreader import Finding, LogError, LogReader
+from taskcomm.logworld import action_part, task_part, world_part
+from taskcomm.trials import Step, Trial
+from taskcomm.world import World
+
+Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
+
+
+class TornLogWarning(UserWarning):
+    """The last line of a log is torn, as a crash leaves it; it was dropped and the rest kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What `validate` found. `ok` says that there is no problem; notices do no harm."""
+
+    files: tuple[str, ...]
+    trials: int
+    steps: int
+    problems: tuple[Finding, ...]
+    notices: tuple[Finding, ...]
+
+    @property
+    def ok(self) -> bool:
+        return not self.problems
+
+
+def log_files(paths: Paths) -> list[Path]:
+    """The log files that `paths` name: files, and every *.jsonl and *.jsonl.gz below folders.
+
+    Raises LogError where there is none.
+    """
+    given = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
+    if not given:
+        raise LogError("no log was given")
+    files: list[Path] = []
+    for path in map(Path, given):
+        found = [path]
+        if path.is_dir():
+            found = sorted(file for ending in ("jsonl", "jsonl.gz") for file in path.rglob(f"*.{ending}"))
+            if not found:
+                raise LogError(f"{path}: no *.jsonl or *.jsonl.gz file in this folder")
+        files += found
+    return files
+
+
+def read_trials(paths: Paths, world: World | None = None) -> list[Trial]:
+    """Every trial in the logs that `paths` name: a file, a folder, or several of them.
+
+    Worlds other than BallWorld are found by name only: give the `world`. Unknown keys and types
+    of line are ignored; a torn last line is dropped with a TornLogWarning. Anything else wrong
+    raises LogError with file, line and reason.
+    """
+    reader = LogReader(world)
+    for path in log_files(paths):
+        reader.read(path)
+    for torn in reader.torn:
+        warnings.warn(TornLogWarning(str(torn)), stacklevel=2)
+    return reader.trials()
+
+
+def validate(paths: Paths, world: World | None = None) -> Report:
+    """Every problem in the logs, not the first alone; one for each trial that a problem spoils."""
+    reader = LogReader(world, strict=False)
+    files = log_files(paths)
+    for path in files:
+        reader.read(path)
+    trials = reader.trials()
+    steps = sum(trial.num_steps for trial in trials)
+    names = tuple(map(str, files))
+    return Report(names, len(trials), steps, tuple(reader.problems), tuple(reader.notices))
+
+
+def write_trials(trials: Iterable[Trial], path: str | os.PathLike[str]) -> None:
+    """Write the trials to one file, gzipped where `path` ends in .gz; the same trials, the same bytes.
+
+    An existing file is replaced whole or left as it was. Raises LogError for no trials, two of one
+    id, a trial that its world does not allow, or a place that cannot be written.
+    """
+    path = Path(path)
+    contents, names = [], set()
+    for trial in trials:
+        if trial.trial_id in names:
+            raise LogError(f"{path}: trial {trial.trial_id!r} is there twice")
+        names.add(trial.trial_id)
+        try:
+            contents.append(trial_bytes(trial))
+        except (ValueError, TypeError) as error:
+            raise LogError(f"{path}: trial {trial.trial_id!r} cannot be written: {error}") from None
+    if not names:
+        raise LogError(f"{path}: no trials to write")
+    content = b"".join(contents)
+    if path.name.endswith(".gz"):
+        content = gzip.compress(content, mtime=0)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        part.write_bytes(content)
+        part.replace(path)
+    except OSError as error:
+        raise LogError(f"{path}: cannot be written: {error.strerror or error}") from None
+    finally:
+        _forget(part)
+
+
+def trial_bytes(trial: Trial) -> bytes:
+    """The lines of one trial, as they stand in a log."""
+    return b"".join(map(encode, _lines(trial)))
+
+
+def _lines(trial: Trial) -> Iterator[dict[str, Any]]:
+    _ = trial.states  # an action that is not valid is an error here
+    kinds = (("event", trial.events), ("rating", trial.ratings), ("label", trial.labels))
+    extras = [{"type": kind} | dict(line) for kind, lines in kinds for line in lines]
+    placed = {line["seq"]: line for line in extras if "seq" in line}
+    loose = [line for line in extras if "seq" not in line]
+    body = iter([_start(trial), *map(_step, range(trial.num_steps), trial.steps), *_end(trial), *loose])
+    count = len(extras) - len(loose)
+    if len(placed) != count or (placed and not 0 < min(placed) <= max(placed) < _length(trial)):
+        raise LogError("seq: events, ratings and labels must have places of their own within the trial")
+    for seq in range(_length(trial)):
+        line = placed.get(seq) or next(body)
+        yield {"type": line["type"], "trial_id": trial.trial_id, "seq": seq} | line | {"seq": seq}
+
+
+def _length(trial: Trial) -> int:
+    ended = trial.reason is not None
+    return 1 + trial.num_steps + ended + len(trial.events) + len(trial.ratings) + len(trial.labels)
+
+
+def _start(trial: Trial) -> dict[str, Any]:
+    return {
+        "type": "trial_start",
+        "schema": SCHEMA,
+        "taskcomm_version": trial.taskcomm_version,
+        "participant_id": trial.participant_id,
+        "operator_id": trial.operator_id,
+        "session": trial.session,
+        "trial_index": trial.trial_index,
+        "condition": trial.condition,
+        "world": world_part(trial.world),
+        "dt": trial.dt,
+        "task": None if trial.task is None else task_part(trial.task),
+        "robot_model": None if trial.robot_model is None else dict(trial.robot_model),
+        "planner": None if trial.planner is None else dict(trial.planner),
+        "started_utc": trial.started_utc,
+        "source": trial.source,
+    }
+
+
+def _step(t: int, step: Step) -> dict[str, Any]:
+    line: dict[str, Any] = {"type": "step", "t": t, "action": action_part(step.action)}
+    line |= {"action_source": step.action_source, "press": bool(step.pressed)}
+    if step.timing is not None:
+        line["timing"] = dict(step.timing)
+    if step.mental_state is not None:
+        line["mental_state"] = step.mental_state
+    return line
+
+
+def _end(trial: Trial) -> list[dict[str, Any]]:
+    if trial.reason is None:
+        return []
+    displayed = None if trial.displayed is None else task_part(trial.displayed)
+    line = {"type": "trial_end", "reason": trial.reason, "displayed": displayed}
+    return [line | {"correct": trial.correct, "num_steps": trial.num_steps}]
+
+
+def _forget(part: Path) -> None:
+    try:
+        part.unlink(missing_ok=True)
+    except OSError:  # its folder is no folder; then neither is there a part
+        return
