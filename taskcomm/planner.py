@@ -1,0 +1,126 @@
+"""The planner: the action that minimises the sum of expected entropy (MODEL.md, section 6)."""
+
+import logging
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskcomm.belief import Belief
+from taskcomm.teacher import TeacherModel
+from taskcomm.world import World
+from taskcomm.worldgraph import WorldGraph
+
+TIE = 1e-9
+_SLACK = 2 * TIE
+log = logging.getLogger("taskcomm")
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What the planner chose, and what it knows of the other actions.
+
+    `values` are exact expected costs Q_h in nats, by action in canonical order: all of them with
+    `exact_values`, otherwise those that could not be ruled out early. `bounds` are lower bounds for
+    the rest. `ties` are the actions within 1e-9 of the least. `gap` is how far the next best action
+    that is no tie lies above the least: exact where that action is in `values`, else at least this;
+    infinite where there is none. `nodes` counts beliefs whose actions were looked at.
+    """
+
+    action: Any
+    values: dict[Any, float]
+    bounds: dict[Any, float]
+    ties: tuple[Any, ...]
+    gap: float
+    horizon: int
+    nodes: int
+
+    @property
+    def value(self) -> float:
+        """Q_h of the chosen action, in nats."""
+        return self.values[self.action]
+
+
+class EntropyPlanner:
+    """Exact closed-loop look-ahead over `horizon` steps.
+
+        Q_h(b, w, a) = sum_o P(o | b, a) (C(b_ao) + gamma min_a' Q_{h-1}(b_ao, w_a, a')),  Q_0 = 0
+
+    with C the entropy of the marginal over tasks. `ties` is "first" (in canonical order) or
+    "random" (drawn with `seed`). A planner keeps only what it has seen of the world; it may be used for
+    any number of beliefs and trials, from one thread at a time. Raises ValueError for a bad horizon, gamma or
+    ties, and ModelError for a cue that the world does not have.
+
+    >>> from taskcomm.world import BallWorld
+    >>> world, model = BallWorld(), TeacherModel.intuitive()
+    >>> decision = EntropyPlanner(world, model, horizon=2).plan(Belief.initial(world, model), world.start())
+    >>> decision.action, round(decision.value, 6), decision.ties
+    (light_on(1), 6.333974, (light_on(1), light_on(2), light_on(3)))
+
+    Source: the paper, section 3.4 (action selection).
+    """
+
+    def __init__(
+        self,
+        world: World,
+        model: TeacherModel,
+        horizon: int = 5,
+        *,
+        gamma: float = 1.0,
+        ties: str = "first",
+        seed: int | None = None,
+    ) -> None:
+        if isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 1:
+            raise ValueError(f"horizon must be a whole number of steps from 1, not {horizon!r}")
+        if not 0 < gamma <= 1:
+            raise ValueError(f"gamma must lie in (0, 1], not {gamma!r}")
+        if ties not in ("first", "random"):
+            raise ValueError(f"ties must be 'first' or 'random', not {ties!r}")
+        self.world, self.model, self.horizon = world, model, horizon
+        self.gamma, self.ties = float(gamma), ties
+        self._random = np.random.default_rng(seed)
+        self._graph = WorldGraph(world, model.parameters(world.cue_names).cue, horizon)
+        self._capacity = 1 << 14
+
+    def reset(self, rng: np.random.Generator | None = None) -> None:
+        """Take `rng` for random ties from now on."""
+        if rng is not None:
+            self._random = rng
+
+    def plan(self, belief: Belief, state: Hashable, exact_values: bool = False) -> Decision:
+        """The decision in world `state` under `belief`.
+
+        Raises ValueError where the belief is one over other tasks or under another model.
+        """
+        if belief.model != self.model or len(belief.world.tasks) != len(self.world.tasks):
+            raise ValueError("the belief was made with another model or world than the planner")
+        root = self._graph.node(state)
+        self._graph.grow(root, self.horizon)
+        bound, exact, nodes = self._search(belief, root, np.inf if exact_values else _SLACK)
+        actions = self._graph.actions[root]
+        least = float(bound[exact].min())
+        tied = [a for a in range(len(actions)) if exact[a] and bound[a] <= least + TIE]
+        others = [float(bound[a]) for a in range(len(actions)) if a not in tied]
+        chosen = tied[0] if self.ties == "first" else tied[int(self._random.integers(len(tied)))]
+        return Decision(
+            action=actions[chosen],
+            values={actions[a]: float(bound[a]) for a in np.flatnonzero(exact)},
+            bounds={actions[a]: float(bound[a]) for a in np.flatnonzero(~exact)},
+            ties=tuple(actions[a] for a in tied),
+            gap=min(others, default=np.inf) - least,
+            horizon=self.horizon,
+            nodes=nodes,
+        )
+
+    def _search(
+        self, belief: Belief, root: int, slack: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_], int]:
+        from taskcomm import _search  # compiles on first use; numba is loaded only here
+
+        while True:
+            found = _search.run(belief, self._graph, root, self.horizon, slack, self.gamma, self._capacity)
+            if found[2] >= 0:
+                return found
+            self._capacity *= 4

@@ -1,0 +1,102 @@
+"""World states interned to numbers: successors and cue patterns as arrays, grown as needed."""
+
+from collections.abc import Hashable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskcomm.world import World
+
+MAX_CUES = 16
+
+
+class WorldGraph:
+    """The part of a World that lies within some steps of the states asked for.
+
+    Node n is `states[n]`, with actions `actions[n]` (canonical order) leading to the nodes
+    `successor[first[n] : first[n] + count[n]]` once it is expanded (`count[n]` > 0).
+    `pattern[n, task]` has bit m set where the cue of approval m is on; `reach[n, d, task]` has it
+    set where the cue is on in some state that 1 to d steps from n lead to (filled up to
+    `depth[n]`). `cue` (M,) are the rows of `world.cues(state)` that the teacher model uses.
+    """
+
+    def __init__(self, world: World, cue: NDArray[np.int64], horizon: int) -> None:
+        if len(cue) > MAX_CUES:
+            raise ValueError(f"at most {MAX_CUES} approval states, not {len(cue)}")
+        self.world, self.cue, self.horizon = world, cue, horizon
+        self.states: list[Any] = []
+        self.actions: list[tuple[Any, ...]] = []
+        self._index: dict[Hashable, int] = {}
+        self._bits = (1 << np.arange(len(cue))).astype(np.uint16)[:, None]
+        tasks = len(world.tasks)
+        self.first = np.zeros(256, dtype=np.int64)
+        self.count = np.zeros(256, dtype=np.int64)
+        self.depth = np.zeros(256, dtype=np.int64)
+        self.pattern = np.zeros((256, tasks), dtype=np.uint16)
+        self.reach = np.zeros((256, horizon + 1, tasks), dtype=np.uint16)
+        self.successor = np.zeros(1024, dtype=np.int64)
+        self._used = 0
+
+    def node(self, state: Hashable) -> int:
+        """The number of a state, new ones being added."""
+        index = self._index.get(state)
+        if index is not None:
+            return index
+        index = len(self.states)
+        if index == len(self.first):
+            for name in ("first", "count", "depth", "pattern", "reach"):
+                setattr(self, name, _doubled(getattr(self, name)))
+        self.states.append(state)
+        self.actions.append(())
+        self._index[state] = index
+        on = np.asarray(self.world.cues(state), dtype=np.bool_)[self.cue]
+        self.pattern[index] = np.where(on, self._bits, 0).sum(axis=0)
+        return index
+
+    def expand(self, node: int) -> None:
+        """Add the successors of a node, one for each action."""
+        if self.count[node]:
+            return
+        state = self.states[node]
+        actions = tuple(self.world.actions(state))
+        if not actions:
+            raise ValueError(f"no action is valid in {state}; a World must always offer one")
+        successors = [self.node(self.world.step(state, action)) for action in actions]
+        while self._used + len(actions) > len(self.successor):
+            self.successor = _doubled(self.successor)
+        self.successor[self._used : self._used + len(actions)] = successors
+        self.first[node], self.count[node] = self._used, len(actions)
+        self.actions[node] = actions
+        self._used += len(actions)
+
+    def grow(self, root: int, depth: int) -> None:
+        """Expand all nodes less than `depth` steps from `root`, and fill in their `reach`."""
+        if self.depth[root] >= depth:
+            return
+        layers, seen = [[root]], {root}
+        for _ in range(depth):
+            layer: list[int] = []
+            for node in layers[-1]:
+                self.expand(node)
+                for after in self._after(node):
+                    if after not in seen:
+                        seen.add(after)
+                        layer.append(after)
+            layers.append(layer)
+        for steps in range(1, depth + 1):
+            for layer in layers[: depth - steps + 1]:
+                for node in layer:
+                    if self.depth[node] < steps:
+                        after = self._after(node)
+                        on = self.pattern[after] | self.reach[after, steps - 1]
+                        self.reach[node, steps] = np.bitwise_or.reduce(on, axis=0)
+                        self.depth[node] = steps
+
+    def _after(self, node: int) -> list[int]:
+        first = self.first[node]
+        return self.successor[first : first + self.count[node]].tolist()  # type: ignore[no-any-return]
+
+
+def _doubled(array: NDArray[Any]) -> NDArray[Any]:
+    return np.concatenate([array, np.zeros_like(array)])
