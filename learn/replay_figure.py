@@ -1,0 +1,114 @@
+"""The figure of one replayed trial: what the robot believed, when, and why each press was made.
+
+Source: the paper, figures of the task marginals, of the mistake recovery, and of the inference.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from learn.plots import COLOURS, STYLE, axes_or_new
+from taskcomm.replay import BeliefPath, PressReason
+
+NAMES = {"mov": "ball to move", "wrt": "with respect to ball", "dist": "at distance"}
+
+
+def marginal_over_time(
+    path: BeliefPath, field: str | None, ax: Axes | None = None, truth: Any = None
+) -> Axes:
+    """P(one part of the task) over time; the true value bold. With no field, the likeliest tasks."""
+    ax = axes_or_new(ax, 7, 2)
+    if field is None:
+        most = np.argsort(-path.marginal.max(axis=0), kind="stable")[:6]
+        columns = {path.world.tasks[index]: path.marginal[:, index] for index in sorted(most)}
+    else:
+        columns = path.marginal_of(field)
+    for place, (value, column) in enumerate(columns.items()):
+        right = truth is not None and value == truth
+        ax.plot(
+            path.time,
+            column,
+            color=COLOURS[place % len(COLOURS)],
+            linestyle="-" if right or truth is None else "--",
+            linewidth=2.4 if right else 1.2,
+            label=f"{value} (true)" if right else str(value),
+        )
+    mark_presses(path, ax)
+    ax.set_ylim(-0.02, 1.05)
+    ax.set_ylabel("probability")
+    ax.set_title("task" if field is None else NAMES.get(field, field))
+    ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
+    return ax
+
+
+def mark_presses(path: BeliefPath, ax: Axes) -> None:
+    """A vertical line at every press."""
+    for time in path.press_times:
+        ax.axvline(time, color="0.45", linewidth=0.9, zorder=0)
+    ax.set_xlim(0, path.time[-1] if len(path.time) > 1 else 1)
+
+
+def entropy_of_path(path: BeliefPath, ax: Axes | None = None) -> Axes:
+    """Entropy of the belief over tasks, in nats, over time."""
+    ax = axes_or_new(ax, 7, 2)
+    ax.plot(path.time, path.entropy, color="black", linewidth=1.6)
+    mark_presses(path, ax)
+    ax.set_ylim(bottom=0)
+    ax.set_ylabel("nats")
+    ax.set_title("entropy of the task")
+    return ax
+
+
+def reasons_of_presses(reasons: Sequence[PressReason], ax: Axes | None = None) -> Axes:
+    """For each press, P(mental state) at once (left bar) and with the whole trial known (right bar)."""
+    ax = axes_or_new(ax, 7, 2)
+    states = list(reasons[0].at_end) if reasons else []
+    for place, state in enumerate(states):
+        for shift, when in ((-0.2, "at_once"), (0.2, "at_end")):
+            heights = [getattr(reason, when)[state] for reason in reasons]
+            below = [sum(getattr(reason, when)[s] for s in states[:place]) for reason in reasons]
+            ax.bar(
+                np.arange(len(reasons)) + shift,
+                heights,
+                width=0.36,
+                bottom=below,
+                color=("0.25", *COLOURS)[place % 8],
+                alpha=0.55 if when == "at_once" else 1.0,
+                label=state if when == "at_end" else None,
+            )
+    for number, reason in enumerate(reasons):
+        if reason.noted is not None:
+            ax.text(number, 1.03, f"truly {reason.noted}", ha="center", va="bottom", fontsize=7.5)
+    ax.set_xticks(range(len(reasons)), [f"{reason.time:g} s" for reason in reasons])
+    ax.set_xlim(-0.6, max(len(reasons), 1) - 0.4)
+    ax.set_ylim(0, 1.18)
+    ax.set_yticks([0, 0.5, 1])
+    ax.set_ylabel("probability")
+    ax.set_title("why it was pressed: as believed then (pale), and at the end (full)", pad=8)
+    if states:
+        ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
+    return ax
+
+
+def replay_figure(
+    path: BeliefPath, reasons: Sequence[PressReason], truth: Any = None, title: str = ""
+) -> Figure:
+    """Marginals, entropy and reasons of presses of one trial, one above the other."""
+    fields: tuple[str | None, ...] = path.fields or (None,)
+    panels = len(fields) + 1 + bool(reasons)
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(8.6, 1.75 * panels + 0.4))
+        axes = figure.subplots(panels, 1, squeeze=False)[:, 0]
+        for ax, field in zip(axes, fields, strict=False):
+            part = truth if field is None or truth is None else getattr(truth, field)
+            marginal_over_time(path, field, ax, part)
+        entropy_of_path(path, axes[len(fields)]).set_xlabel("seconds (grey lines: presses)")
+        if reasons:
+            reasons_of_presses(reasons, axes[-1])
+        if title:
+            figure.suptitle(title, fontsize=11, x=0.01, ha="left")
+    return figure

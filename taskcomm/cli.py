@@ -1,0 +1,235 @@
+"""The command line: parse, call, print. The one place that knows both packages; nobody imports it.
+
+Every command is a module of `taskcomm.commands`, loaded when it is run, so that help is instant.
+"""
+
+import sys
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+DONE, FAILED, USAGE, BAD_DATA, NOT_CONVERGED = range(5)
+
+app = typer.Typer(
+    name="taskcomm",
+    help="Human-robot task communication: simulate teachers, fit them, compare robots, replay trials.",
+    epilog="Exit codes: 0 done, 1 failed, 2 usage, 3 bad data, 4 did not converge."
+    " Example: taskcomm demo --out demo-results",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+Logs = Annotated[list[Path], typer.Argument(help="Trial logs: files, or directories of them.", exists=True)]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of every random draw.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else, on stdout.")]
+Jobs = Annotated[int, typer.Option(min=1, help="Processes; results do not depend on it.")]
+Horizon = Annotated[int, typer.Option(min=1, max=8, help="Planning horizon in steps of 0.5 s.")]
+Threshold = Annotated[float, typer.Option(min=0.5, max=0.999999, help="Belief above which Final is shown.")]
+MaxSteps = Annotated[int, typer.Option(min=1, help="Steps after which a trial is a timeout.")]
+
+
+@app.command(
+    epilog="Example: taskcomm simulate --trials 40 --teacher intuitive --robot operator --out trials.jsonl"
+)
+def simulate(
+    out: Annotated[Path, typer.Option(help="Log to write: .jsonl or .jsonl.gz.")],
+    trials: Annotated[int, typer.Option(min=1, help="Number of trials.")] = 20,
+    teacher: Annotated[str, typer.Option(help="The teachers: a model file, or 'intuitive'.")] = "intuitive",
+    robot: Annotated[
+        str, typer.Option(help="The robot: a model file, 'intuitive', or 'operator'.")
+    ] = "intuitive",
+    people: Annotated[
+        int | None,
+        typer.Option(min=1, help="Simulated people the trials are shared out to (default: one a trial)."),
+    ] = None,
+    horizon: Horizon = 5,
+    threshold: Threshold = 0.98,
+    max_steps: MaxSteps = 600,
+    balls: Annotated[int, typer.Option(min=2, help="Balls in the world.")] = 3,
+    distances: Annotated[int, typer.Option(min=1, help="Distances on the scale.")] = 4,
+    seed: Seed = 0,
+    jobs: Jobs = 2,
+    json: Json = False,
+) -> None:
+    """Run trials of a robot, or of a scripted operator, with simulated teachers; write their log."""
+    settings = dict(locals())
+    from taskcomm.commands import simulate as command
+
+    raise typer.Exit(command.run(**settings))
+
+
+@app.command(epilog="Example: taskcomm fit trials.jsonl --out learned.json --delays")
+def fit(
+    logs: Logs,
+    out: Annotated[Path, typer.Option(help="Model file to write.")],
+    initial: Annotated[str, typer.Option(help="Model to start from: a file, or 'intuitive'.")] = "intuitive",
+    delays: Annotated[bool, typer.Option("--delays", help="Fit the delays too.")] = False,
+    starts: Annotated[int, typer.Option(min=1, help="Starts of EM; the first is the initial model.")] = 6,
+    max_iter: Annotated[int, typer.Option(min=1, help="Iterations of EM from each start.")] = 500,
+    task_unknown: Annotated[
+        bool, typer.Option("--task-unknown", help="Leave the task cards unused, as if they were lost.")
+    ] = False,
+    seed: Seed = 0,
+    json: Json = False,
+) -> None:
+    """Fit the teacher model to logged trials by EM (not converged: model marked, exit code 4)."""
+    settings = dict(locals())
+    from taskcomm.commands import fit as command
+
+    raise typer.Exit(command.run(**settings))
+
+
+@app.command(
+    epilog="Example: taskcomm compare trials.jsonl --models intuitive fit.json --closed-loop 100 --out cmp"
+)
+def compare(
+    logs: Logs,
+    out: Annotated[Path, typer.Option(help="Directory for the report, figures and tables.")],
+    models: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Models beside the refitted one: files or 'intuitive', several at once (default: intuitive)."
+        ),
+    ] = None,
+    closed_loop: Annotated[int, typer.Option(min=0, help="Simulated trials per robot; 0 for none.")] = 100,
+    teacher: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Teachers of the closed loop: model files (default: the model learned from the logs)."
+        ),
+    ] = None,
+    folds: Annotated[int, typer.Option(min=2, help="Folds of people.")] = 5,
+    decisions: Annotated[int, typer.Option(min=0, help="Logged decisions to plan anew; 0 for none.")] = 300,
+    blind: Annotated[bool, typer.Option(help="The HMM that sees presses only, as an arm.")] = True,
+    delays: Annotated[bool, typer.Option("--delays", help="Fit the delays too.")] = False,
+    starts: Annotated[int, typer.Option(min=1, help="Starts of EM.")] = 3,
+    horizon: Horizon = 3,
+    threshold: Threshold = 0.98,
+    max_steps: MaxSteps = 600,
+    seed: Seed = 0,
+    jobs: Jobs = 2,
+    json: Json = False,
+) -> None:
+    """Compare teacher models on logged trials they were not fitted to, and as robots in a closed loop."""
+    settings = dict(locals())
+    from taskcomm.commands import compare as command
+
+    raise typer.Exit(command.run(**settings))
+
+
+@app.command(
+    epilog="Example: taskcomm replay trials.jsonl --model learned.json --trial p01-1 --out replay.png"
+)
+def replay(
+    log: Annotated[Path, typer.Argument(help="Trial log.", exists=True)],
+    model: Annotated[str, typer.Option(help="Teacher model: a file, or 'intuitive'.")] = "intuitive",
+    trial: Annotated[str | None, typer.Option(help="Id of the trial, where the log has many.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Figure to write (.png, .svg, .pdf); its numbers go beside it.")
+    ] = None,
+    seed: Seed = 0,
+    json: Json = False,
+) -> None:
+    """The belief over the time of one trial, and why each press was made, as a model sees them."""
+    settings = dict(locals())
+    from taskcomm.commands import replay as command
+
+    raise typer.Exit(command.run(**settings))
+
+
+@app.command(epilog="Example: taskcomm validate trials.jsonl datasets/")
+def validate(
+    paths: Annotated[
+        list[Path], typer.Argument(help="Trial logs: files, or directories of them.", exists=True)
+    ],
+    seed: Annotated[int, typer.Option(hidden=True)] = 0,
+    json: Json = False,
+) -> None:
+    """List every problem of trial logs; exit code 3 if there is one."""
+    from taskcomm.commands import validate as command
+
+    raise typer.Exit(command.run(paths=paths, json=json))
+
+
+@app.command(epilog="Example: taskcomm demo --out demo-results")
+def demo(
+    out: Annotated[Path, typer.Option(help="Directory for the report, figures and tables.")] = Path(
+        "demo-results"
+    ),
+    data: Annotated[
+        Path | None, typer.Option(help="Directory of logs (default: datasets/simulated-study).", exists=True)
+    ] = None,
+    trials: Annotated[int, typer.Option(min=1, help="Simulated trials per robot.")] = 60,
+    seed: Seed = 0,
+    jobs: Jobs = 2,
+    json: Json = False,
+) -> None:
+    """The whole loop on the shipped data: fit, draw, compare, replay, report; under three minutes."""
+    settings = dict(locals())
+    from taskcomm.commands import demo as command
+
+    raise typer.Exit(command.run(**settings))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; the exit code is one of DONE, FAILED, USAGE, BAD_DATA, NOT_CONVERGED."""
+    with warnings.catch_warnings():
+        warnings.showwarning = _say_warning
+        try:
+            app(args=_spread("--models", sys.argv[1:] if arguments is None else arguments))
+        except SystemExit as stop:
+            return stop.code if isinstance(stop.code, int) else FAILED
+        except Exception as error:
+            code = _code_of(error)
+            if code is None:
+                raise
+            sys.stderr.write(f"error: {error}\n")
+            return code
+    return DONE
+
+
+def _spread(option: str, arguments: Sequence[str]) -> list[str]:
+    """`option A B` as `option A option B`: it takes all that follow it, up to the next option.
+
+    >>> _spread("--models", ["--models", "a", "b", "--out", "c"])
+    ['--models', 'a', '--models', 'b', '--out', 'c']
+    """
+    spread: list[str] = []
+    taking = given = False
+    for argument in arguments:
+        if argument.startswith("-"):
+            taking, given = argument == option, False
+        elif taking and given:
+            spread.append(option)
+        given = taking
+        spread.append(argument)
+    return spread
+
+
+def _code_of(error: Exception) -> int | None:
+    """The exit code of an error that is the user's to mend, or None for one of ours."""
+    from taskcomm.belief import ImpossibleObservation
+    from taskcomm import LogError
+    from taskcomm.teacher import ModelError
+    from taskcomm.world import InvalidAction
+
+    bad_data: tuple[type[Exception], ...] = (LogError, ModelError, ImpossibleObservation, InvalidAction)
+    if "learn.em" in sys.modules:
+        from learn import FitError
+
+        bad_data = (*bad_data, FitError)
+    if isinstance(error, bad_data):
+        return BAD_DATA
+    return FAILED if isinstance(error, OSError | MemoryError) else None
+
+
+def _say_warning(message: Warning | str, category: Any, *_where: Any, **_more: Any) -> None:
+    sys.stderr.write(f"warning: {message}\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

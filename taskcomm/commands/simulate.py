@@ -1,0 +1,113 @@
+"""`taskcomm simulate`: trials with simulated teachers, into a log."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taskcomm.commands.models import load_model, model_files
+from taskcomm.commands.output import result_file, run_record, write_record
+from taskcomm.commands.terminal import Terminal
+from taskcomm.logs import write_trials
+from taskcomm.parallel import map_in_order
+from taskcomm.robot import Controller, Robot
+from taskcomm.simulate import SimulatedTeacher, run_trial
+from taskcomm.teacher import TeacherModel
+from taskcomm.trials import Trial
+from taskcomm.world import BallWorld
+
+
+@dataclass
+class Simulation:
+    """Trial n of a simulated study: its task, its draws and its person follow from the seed and n.
+
+    `robot` is a model for the planner, or None for the scripted operator.
+    """
+
+    world: BallWorld
+    teacher: TeacherModel
+    robot: TeacherModel | None
+    people: int
+    horizon: int
+    threshold: float
+    max_steps: int
+    seed: int
+    made: list[Controller] = field(default_factory=list)
+
+    def _controller(self) -> Controller:
+        if not self.made:
+            self.made.append(self._make())
+        return self.made[0]
+
+    def _make(self) -> Controller:
+        if self.robot is None:
+            from taskcomm.operators import ScriptedOperator
+
+            return ScriptedOperator(self.world)
+        from taskcomm.planner import EntropyPlanner
+
+        planner = EntropyPlanner(self.world, self.robot, horizon=self.horizon)
+        return Robot(self.world, self.robot, planner=planner, threshold=self.threshold)
+
+    def __call__(self, index: int) -> Trial:
+        tasks = self.world.tasks
+        task = tasks[int(np.random.default_rng([self.seed, index, 1]).integers(len(tasks)))]
+        person, visit = index % self.people, index // self.people
+        width = len(str(self.people - 1))
+        return run_trial(
+            self._controller(),
+            SimulatedTeacher(self.world, self.teacher, task),
+            np.random.default_rng([self.seed, index, 2]),
+            max_steps=self.max_steps,
+            trial_id=f"s{self.seed}-p{person:0{width}d}-{visit}",
+            participant_id=f"s{self.seed}-p{person:0{width}d}",
+            trial_index=visit,
+        )
+
+
+def run(
+    out: Path,
+    trials: int,
+    teacher: str,
+    robot: str,
+    people: int | None,
+    horizon: int,
+    threshold: float,
+    max_steps: int,
+    balls: int,
+    distances: int,
+    seed: int,
+    jobs: int,
+    json: bool,
+) -> int:
+    """Simulate, write the log and its record, print a summary."""
+    settings = {key: value for key, value in locals().items() if key not in ("json", "jobs")}
+    terminal = Terminal(json)
+    world = BallWorld(balls, distances)
+    model = load_model(teacher, "--teacher")
+    robot_model = None if robot == "operator" else load_model(robot, "--robot")
+    simulation = Simulation(world, model, robot_model, people or trials, horizon, threshold, max_steps, seed)
+    record = run_record("simulate", settings, model_files([teacher, robot]))
+    record["models"] = {"teacher": model.sha256} | ({"robot": robot_model.sha256} if robot_model else {})
+    with result_file(out) as part, terminal.progress("simulating", trials) as progress:
+        simulated = map_in_order(simulation, range(trials), jobs, progress)
+        write_trials(simulated, part)
+    write_record(record, out)
+    summary = _summary(simulated)
+    terminal.document({"command": "simulate", "out": str(out), **summary})
+    terminal.line(
+        f"{out}: {trials} simulated trials, {summary['correct']} right, {summary['timeouts']} timeouts,"
+        f" {summary['mean_time_s']:.1f} s and {summary['mean_presses']:.1f} presses on average"
+    )
+    return 0
+
+
+def _summary(trials: list[Trial]) -> dict[str, Any]:
+    return {
+        "trials": len(trials),
+        "correct": sum(bool(trial.correct) for trial in trials),
+        "timeouts": sum(trial.reason == "timeout" for trial in trials),
+        "mean_time_s": float(np.mean([trial.duration for trial in trials])),
+        "mean_presses": float(np.mean([trial.presses.sum() for trial in trials])),
+    }
