@@ -53,7 +53,7 @@ class ScriptedOperator:
         """Ready for the next trial."""
         self._rng = np.random.default_rng(0) if rng is None else rng
         self._pace = float(np.exp(0.2 * self._rng.standard_normal()))
-        self._wanted = 1 if self._rng.random() < 0.35 else 2
+        self._wanted = 1 if self._rng.random() < 0.2 else 2
         self.state = self.world.start()
         self.source = "operator"
         self._script: Script | None = None
@@ -96,7 +96,7 @@ class ScriptedOperator:
 
     def _find_wrt(self, mov: int, last: int | None) -> Script:
         balls = [ball for ball in range(1, self.world.num_balls + 1) if ball != mov]
-        for _ in range(3):
+        for _ in range(2):
             ball = yield from self._question(self._shuffled(balls, last))
             if ball is not None or len(balls) == 1:  # one ball alone is shown, but needs no approval
                 return balls[0] if ball is None else ball
@@ -118,31 +118,26 @@ class ScriptedOperator:
     def _find_distance(self, mov: int, wrt: int) -> Script:
         """Slide down to 1 and up to the furthest, pausing at each; the distance approved, or None."""
         furthest = self.world.num_distances
-        approvals = dict.fromkeys(range(1, furthest + 1), 0)
         at = self.world.distance(self.state, mov, wrt)
-        sweep = [*range(at - 1, 0, -1), *range(2, furthest + 1), *range(furthest - 1, 0, -1)]
-        for goal in sweep:
-            approved = yield from self._visit(mov, wrt, goal)
-            while approved is not None:
-                approvals[approved] += 1
-                if self.world.distance(self.state, mov, wrt) != approved:
-                    yield from self._slide(mov, wrt, approved)
-                if approvals[approved] >= self._wanted:
-                    return approved
-                again = yield from self._pause(2 * self._dwell())
-                approved = approved if again else None
+        goals = [*range(at - 1, 0, -1), *range(2, furthest + 1)]
+        while goals:
+            goal = goals.pop(0)
+            before = min(self.world.distance(self.state, mov, wrt), furthest)
+            late = yield from self._slide(mov, wrt, goal)
+            if not late:
+                late = yield from self._pause(self.reaction - self.dt)
+            if late:  # it may have meant the distance before
+                yield from self._slide(mov, wrt, before)
+                goals[:0] = [goal] * (before != goal)
+            approvals = 0
+            while approvals < self._wanted:
+                patience = 2 if approvals or late else 1
+                if not (yield from self._pause(patience * self._dwell())):
+                    break
+                approvals += 1
+            else:
+                return self.world.distance(self.state, mov, wrt)
         return None
-
-    def _visit(self, mov: int, wrt: int, goal: int) -> Script:
-        """Slide to `goal` and pause there: the distance that was approved, or None."""
-        before = self.world.distance(self.state, mov, wrt)
-        late = yield from self._slide(mov, wrt, goal)
-        if not late:
-            late = yield from self._pause(self.reaction - self.dt)
-        if late:
-            return before if before <= self.world.num_distances else goal
-        approved = yield from self._pause(self._dwell())
-        return goal if approved else None
 
     def _slide(self, mov: int, wrt: int, goal: int) -> Script:
         pressed = False

@@ -41,9 +41,12 @@ class Controller(Protocol):
 
 
 class Planner(Protocol):
-    """Anything that chooses an action from a belief and a world state: `plan(...).action`."""
+    """Anything that chooses an action from a belief and a world state: `plan(...).action`.
 
-    def plan(self, belief: Belief, state: Any) -> Any: ...
+    A planner that draws random numbers may have `reset(rng)`, called at the start of a trial.
+    """
+
+    def plan(self, belief: Belief, state: Any, /) -> Any: ...
 
 
 class Robot:
@@ -56,7 +59,7 @@ class Robot:
 
     `belief`, `state` and `decision` (the planner's last; None where it was not asked) are there
     to look at. Raises ValueError for a threshold outside (0, 1), a prior that is none, or a
-    planner made for another world or model; NoRoute where a goal cannot be reached.
+    planner made for another world or model, or calls out of turn; NoRoute where a goal cannot be reached.
 
     >>> from taskcomm.world import BallWorld
     >>> world = BallWorld()
@@ -115,27 +118,26 @@ class Robot:
         return {"condition": "pomdp", "robot_model": robot_model, "planner": planner}
 
     def reset(self, rng: np.random.Generator | None = None) -> None:
-        """Ready for the next trial: the prior, the start of the world."""
+        """Ready for the next trial: the prior, the start of the world; `rng` is for random ties."""
+        reset_planner = getattr(self._planner, "reset", None)
+        if rng is not None and reset_planner is not None:
+            reset_planner(rng)
         self.belief = self._initial
         self.state: Any = self.world.start()
         self.decision: Any = None
-        self._begun = False
+        self._begun = self._over = False
         self._ways: dict[tuple[Hashable, Hashable], Any] = {}
 
     def act(self, pressed: bool | None) -> Any:
         """The next action, or Final; `pressed` is None at the first call of a trial."""
-        if (pressed is None) == self._begun:
-            raise ValueError(
-                "act(None) begins a trial; this one has begun: say whether it was pressed, or reset()"
-                if self._begun
-                else "a trial begins with act(None)"
-            )
+        if self._over or (pressed is None) == self._begun:
+            raise ValueError("a trial begins with act(None), goes on with act(pressed) and ends with Final")
         if pressed is not None:
             self.belief = self.belief.update(self.state, bool(pressed))
         action = self._choice()
-        if not isinstance(action, Final):
+        self._begun, self._over = True, isinstance(action, Final)
+        if not self._over:
             self.state = self.world.step(self.state, action)
-            self._begun = True
         return action
 
     def _choice(self) -> Any:
