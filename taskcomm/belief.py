@@ -18,15 +18,16 @@ class ImpossibleObservation(ValueError):
     """An observation of probability 0; it cannot happen while mistake > 0."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Belief:
     """A distribution over (task, memory), memory being the levels of the approval states.
 
     One row for each (task, memory) of positive weight: `task` (R,) indexes `world.tasks`, `weight`
     (R,) sums to 1, `level` and `on_time` are (R, M). `seen` (L, M, tasks) holds the cues of the last
     L steps, newest last, for delays; `since_press` counts steps since the last press. Histories of
-    one task with equal memory are merged; nothing else is approximated. A belief is a value:
-    `update` gives a new one.
+    one task with equal memory are merged; nothing is approximated. So rows stay in the hundreds, except
+    where a model has `decay`: there they grow with the presses since a cue came on. A belief is a
+    value: `update` gives a new one.
 
     >>> from taskcomm.world import Action, BallWorld
     >>> world = BallWorld()
@@ -59,7 +60,7 @@ class Belief:
         parameters = model.parameters(world.cue_names)
         count, states = len(world.tasks), len(model.approvals)
         weight = np.full(count, 1 / count) if prior is None else np.array(prior, dtype=np.float64)
-        if weight.shape != (count,) or not (weight >= 0).all() or not np.isclose(weight.sum(), 1, atol=1e-9):
+        if weight.shape != (count,) or not (weight >= 0).all() or abs(weight.sum() - 1) > 1e-6:
             raise ValueError(f"prior: must be {count} probabilities that sum to 1, one per task")
         task = np.flatnonzero(weight)
         zeros = np.zeros((len(task), states))
@@ -70,10 +71,13 @@ class Belief:
     def _advanced(self, state: Hashable) -> tuple[Bools, Floats, Floats, Floats]:
         """What was seen, levels, on-times and P(M_t = m) at the end of a step in `state`."""
         p = self.parameters
-        seen = np.concatenate([self.seen[1:], self.world.cues(state)[p.cue][None]])
-        states = np.arange(len(p.cue))[None, :]
-        at = len(seen) - 1 - p.steps_late[None, :]
-        newer, older = seen[at, states, self.task[:, None]], seen[at - 1, states, self.task[:, None]]
+        now = np.asarray(self.world.cues(state), dtype=np.bool_)[p.cue]
+        seen = np.concatenate([self.seen[1:], now[None]])
+        if p.steps_late.any() or p.part_late.any():
+            states, at = np.arange(len(p.cue)), len(seen) - 1 - p.steps_late
+            newer, older = seen[at, states].T[self.task], seen[at - 1, states].T[self.task]
+        else:
+            newer = older = now.T[self.task]
         level, on_time = advance(self.level, self.on_time, older, newer, p)
         return seen, level, on_time, approval_probability(level, on_time, self.resting, p)
 
@@ -117,7 +121,8 @@ class Belief:
 
     def marginal(self) -> Floats:
         """P(task), in the order of `world.tasks`."""
-        return np.bincount(self.task, weights=self.weight, minlength=len(self.world.tasks))
+        counted = np.bincount(self.task, weights=self.weight, minlength=len(self.world.tasks))
+        return np.asarray(counted, dtype=np.float64)
 
     def marginal_of(self, field: str) -> dict[Any, float]:
         """P(one attribute of the task), for example `mov`, by its values."""
@@ -143,16 +148,18 @@ def _merged(
     task: NDArray[np.int64], weight: Floats, level: Floats, on_time: Floats, parameters: Parameters
 ) -> tuple[NDArray[np.int64], Floats, Floats, Floats]:
     """Rows of weight 0 dropped, rows of equal task and memory added up, sorted by task."""
-    kept = weight > 0
-    task, weight, level, on_time = task[kept], weight[kept], level[kept], on_time[kept]
-    if len(task) < 2 or (np.diff(task) > 0).all():
+    if not weight.all():
+        kept = weight > 0
+        task, weight, level, on_time = task[kept], weight[kept], level[kept], on_time[kept]
+    if len(task) < 2 or (task[1:] > task[:-1]).all():
         return task, weight, level, on_time
     memory = level
-    if np.isfinite(parameters.decay).any():  # on-times past any use are one
+    if parameters.decays:
         memory = np.concatenate([level, on_time * np.isfinite(parameters.decay)], axis=1)
-    order = np.lexsort((*memory.T[::-1], task))
-    task, weight, memory = task[order], weight[order], memory[order]
+    order = np.lexsort((*memory.T, task))
+    task, memory = task[order], memory[order]
     first = np.ones(len(task), dtype=np.bool_)
-    first[1:] = (np.diff(task) != 0) | (np.diff(memory, axis=0) != 0).any(axis=1)
+    first[1:] = (task[1:] != task[:-1]) | (memory[1:] != memory[:-1]).any(axis=1)
     starts = np.flatnonzero(first)
-    return task[starts], np.add.reduceat(weight, starts), level[order][starts], on_time[order][starts]
+    rows = order[starts]
+    return task[starts], np.add.reduceat(weight[order], starts), level[rows], on_time[rows]

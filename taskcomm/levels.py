@@ -10,9 +10,8 @@ Bools = NDArray[np.bool_]
 
 
 def _move(level: Floats, on: Bools, seconds: Floats, parameters: Parameters) -> Floats:
-    rising = np.minimum(1.0, level + seconds / parameters.rise)
-    falling = np.maximum(0.0, level - seconds / parameters.fall)
-    return np.where(on, rising, falling)
+    slope = np.where(on, seconds / parameters.rise, -seconds / parameters.fall)
+    return np.minimum(1.0, np.maximum(0.0, level + slope))
 
 
 def advance(
@@ -29,7 +28,7 @@ def advance(
     if first.any():
         level = _move(level, older, first, parameters)
         on_time = np.where(older, on_time + first, np.where(first > 0, 0.0, on_time))
-    return _move(level, newer, last, parameters), np.where(newer, on_time + last, 0.0)
+    return _move(level, newer, last, parameters), (on_time + last) * newer
 
 
 def approval_probability(level: Floats, on_time: Floats, resting: bool, parameters: Parameters) -> Floats:
@@ -37,7 +36,7 @@ def approval_probability(level: Floats, on_time: Floats, resting: bool, paramete
     if resting:
         return np.zeros_like(level)
     probability = parameters.peak * level
-    if np.isfinite(parameters.decay).any():
+    if parameters.decays:
         late = np.maximum(0.0, on_time - parameters.hold)
         probability = probability * np.exp(-late / parameters.decay)
     return probability

@@ -79,8 +79,8 @@ class Parameters:
     """A model as arrays over its M approval states, for one World; read-only.
 
     `cue` are rows of `world.cues(state)`; `steps_late` and `part_late` are n and g of
-    delay = (n + g) dt; `decay` is infinite where there is none; `rest_steps` is how many steps
-    after a press no approval can follow.
+    delay = (n + g) dt; `decay` is infinite where there is none, and `decays` says whether there is
+    any; `rest_steps` is how many steps after a press no approval can follow.
     """
 
     dt: float
@@ -94,6 +94,7 @@ class Parameters:
     decay: NDArray[np.float64]
     hold: NDArray[np.float64]
     rest_steps: int
+    decays: bool
 
 
 @dataclass(frozen=True)
@@ -205,6 +206,7 @@ class TeacherModel:
             steps_late=whole.astype(np.int64),
             part_late=np.maximum(late - whole, 0.0),
             decay=decay,
+            decays=bool(np.isfinite(decay).any()),
             rest_steps=int(self.rest / self.dt + 1e-9),
             **arrays,
         )

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -249,20 +249,27 @@ class BallWorld:
         return table[:, 0], table[:, 1], table[:, 2]
 
     def cues(self, state: BallState) -> NDArray[np.bool_]:
-        """Which cue is on under which task, shape (7, tasks), rows as `cue_names`."""
-        mov, wrt, dist = self._columns
-        lit = np.zeros(self.num_balls + 1, dtype=np.bool_)
-        lit[list(state.lit)] = True
-        reference = np.array([0] + [p[0] if p else 0 for p in state.placements])
-        distance = np.array([0] + [p[1] if p else 0 for p in state.placements])
-        held = mov == (state.held or 0)
-        near = reference[mov] == wrt
-        slid, change = state.slid or (0, 0)
-        gap = distance[mov] - dist
-        closing = near & (mov == slid) & (np.abs(gap) < np.abs(gap - change))
-        return np.stack(
-            [lit[mov], held & lit[wrt], near & (distance[mov] == dist), held, lit[wrt], near, closing]
-        )
+        """Which cue is on under which task, shape (7, tasks), rows as `cue_names`; read-only."""
+        return _cues(self, state)
+
+
+@lru_cache(maxsize=1 << 14)
+def _cues(world: BallWorld, state: BallState) -> NDArray[np.bool_]:
+    mov, wrt, dist = world._columns
+    lit = np.zeros(world.num_balls + 1, dtype=np.bool_)
+    lit[list(state.lit)] = True
+    reference = np.array([0] + [p[0] if p else 0 for p in state.placements])
+    distance = np.array([0] + [p[1] if p else 0 for p in state.placements])
+    held = mov == (state.held or 0)
+    near = reference[mov] == wrt
+    slid, change = state.slid or (0, 0)
+    gap = distance[mov] - dist
+    closing = near & (mov == slid) & (np.abs(gap) < np.abs(gap - change))
+    table = np.stack(
+        [lit[mov], held & lit[wrt], near & (distance[mov] == dist), held, lit[wrt], near, closing]
+    )
+    table.setflags(write=False)
+    return table
 
 
 def is_goal(world: World, state: Hashable, task: Hashable) -> bool:
