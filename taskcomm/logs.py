@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from taskcomm.loglines import SCHEMA, encode
-from taskcomm.logreader import Finding, LogError, LogReader
+from taskcomm.logreader import Finding as Finding
+from taskcomm.logreader import LogError as LogError
+from taskcomm.logreader import LogReader
 from taskcomm.logworld import action_part, task_part, world_part
 from taskcomm.trials import Step, Trial
 from taskcomm.world import World

@@ -53,7 +53,7 @@ class ScriptedOperator:
         """Ready for the next trial."""
         self._rng = np.random.default_rng(0) if rng is None else rng
         self._pace = float(np.exp(0.2 * self._rng.standard_normal()))
-        self._wanted = 1 if self._rng.random() < 0.2 else 2
+        self._wanted = 1 if self._rng.random() < 0.15 else 2
         self.state = self.world.start()
         self.source = "operator"
         self._script: Script | None = None
