@@ -27,7 +27,7 @@ def advance(
     last = parameters.dt - first
     if first.any():
         level = _move(level, older, first, parameters)
-        on_time = np.where(older, on_time + first, np.where(first > 0, 0.0, on_time))
+        on_time = (on_time + first) * older
     return _move(level, newer, last, parameters), (on_time + last) * newer
 
 

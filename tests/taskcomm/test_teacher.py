@@ -291,6 +291,12 @@ def test_a_delay_is_whole_steps_and_a_part_of_one(delay: float, late: tuple[int,
     assert parameters.part_late[0] == pytest.approx(late[1], abs=1e-12)
 
 
+def test_rounding_makes_no_part_of_a_step() -> None:
+    """0.3 / 0.1 is a little under 3."""
+    parameters = TeacherModel(0.005, {"yes": replace(TOP, delay=0.3)}, dt=0.1, rest=0.3).parameters(CUES)
+    assert (parameters.steps_late[0], parameters.part_late[0], parameters.rest_steps) == (3, 0.0, 3)
+
+
 def total(model: TeacherModel) -> float:
     return model.mistake + sum(top.peak for top in model.approvals.values())
 
