@@ -1,0 +1,43 @@
+"""Learning the teacher model from trials: fits, their certainty, comparisons.
+
+Names load when they are first used.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+_HOME = {
+    "Bounds": "learn.coordinates",
+    "FitError": "learn.exposure",
+    "FitResult": "learn.result",
+    "MistakePrior": "learn.mstep",
+    "fit": "learn.em",
+    "log_likelihood": "learn.estep",
+    "log_likelihoods": "learn.estep",
+    "responsibilities": "learn.estep",
+    "trial_hash": "learn.exposure",
+}
+__all__ = [*sorted(_HOME)]
+
+if TYPE_CHECKING:
+    from learn.coordinates import Bounds as Bounds
+    from learn.em import fit as fit
+    from learn.estep import log_likelihood as log_likelihood
+    from learn.estep import log_likelihoods as log_likelihoods
+    from learn.estep import responsibilities as responsibilities
+    from learn.exposure import FitError as FitError
+    from learn.exposure import trial_hash as trial_hash
+    from learn.mstep import MistakePrior as MistakePrior
+    from learn.result import FitResult as FitResult
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'learn' has no attribute {name!r}")
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*__all__]

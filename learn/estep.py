@@ -1,0 +1,157 @@
+"""The E-step: what the presses of every trial say of reasons and memories, at one set of parameters."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from learn.exposure import Exposure, expose
+from taskcomm.lattice import Floats
+from taskcomm.smoother import Chain, smooth
+from taskcomm.teacher import Parameters, TeacherModel
+from taskcomm.trials import Trial
+from taskcomm.world import World
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """The E-step's answer, weighted by P(task | trial) where the task is unknown.
+
+    `log_likelihood` (trials,) in nats; `memory` (memories,) is P(memory | trial); `press`
+    (memories, 1 + M) is P(memory, reason of the press that ends it | trial), reason 0 being a mistake;
+    `rates` (1 + 4 M,) are those of the summed log-likelihood in mistake, then peaks, rises, falls and
+    delays; `unit` (units,) is P(tasks of the unit | trial).
+    """
+
+    log_likelihood: Floats
+    memory: Floats
+    press: Floats
+    rates: Floats
+    unit: Floats
+
+    @property
+    def value(self) -> float:
+        """Log-likelihood of all trials, in nats."""
+        return float(self.log_likelihood.sum())
+
+
+class Evidence:
+    """All trials, ready for the E-step and for the expected log-likelihood of the M-step.
+
+    It keeps buffers for one evaluation at a time; what it returns is the caller's.
+    """
+
+    def __init__(self, exposure: Exposure) -> None:
+        self.exposure = exposure
+        self.chain = Chain(exposure.lattice)
+        self._by_share = np.zeros(exposure.lattice.size)
+        trial = exposure.unit_trial
+        self._first = np.flatnonzero(np.diff(trial, prepend=-1))
+        with np.errstate(divide="ignore"):
+            self._log_prior = np.log(exposure.unit_prior)
+
+    def log_likelihoods(self, parameters: Parameters) -> Floats:
+        """Log-likelihood of each trial in nats: given its task, or summed over tasks."""
+        return self._over_tasks(self.chain.run(parameters))[0]
+
+    def _over_tasks(self, of_units: Floats) -> tuple[Floats, Floats]:
+        """Log-likelihoods of trials, and P(unit | trial)."""
+        trial, joint = self.exposure.unit_trial, of_units + self._log_prior
+        best = np.maximum.reduceat(joint, self._first)
+        weight = np.exp(joint - best[trial])
+        total = np.add.reduceat(weight, self._first)
+        return best + np.log(total), weight / total[trial]
+
+    def expect(self, parameters: Parameters) -> Expectation:
+        """The E-step at `parameters`."""
+        log_likelihood, unit = self._over_tasks(self.chain.run(parameters))
+        self.chain.smooth(unit)
+        flow, memory = self.chain.flow, self.chain.memory.copy()
+        _, rates = self._sum(parameters, memory, flow, as_counts=False)
+        return Expectation(log_likelihood, memory, self._presses(parameters), rates, unit)
+
+    def value_and_rates(self, parameters: Parameters) -> tuple[float, Floats]:
+        """Log-likelihood of all trials in nats, and its rates, shape (1 + 4 M,)."""
+        log_likelihood, unit = self._over_tasks(self.chain.run(parameters))
+        self.chain.smooth(unit)
+        _, rates = self._sum(parameters, self.chain.memory, self.chain.flow, as_counts=False)
+        return float(log_likelihood.sum()), rates
+
+    def _presses(self, parameters: Parameters) -> Floats:
+        """`flow` times the probability of the reason, for every memory."""
+        lattice, flow = self.exposure.lattice, self.chain.flow
+        sizes = np.diff(lattice.layer_memories)
+        last = np.zeros(len(sizes), dtype=np.bool_)
+        last[lattice.unit_layers[1:] - 1] = True
+        at_end = np.where(last, np.maximum(lattice.layer_press - 1, lattice.layer_first), lattice.layer_press)
+        index = lattice.memory_base + np.repeat(at_end, sizes)[:, None]
+        press = flow.copy()
+        press[:, 0] *= parameters.mistake
+        used = ~np.repeat(last, sizes)
+        press[used, 1:] *= parameters.peak * self.chain.share[index[used]]
+        return press
+
+    def expected_log_likelihood(
+        self, parameters: Parameters, expectation: Expectation
+    ) -> tuple[float, Floats]:
+        """Q: sum of E[log P(M_t | memory, cues)], and its rates, shape (1 + 4 M,).
+
+        Q is -inf where a press has a reason that these parameters rule out.
+        """
+        self.chain.trace(parameters)
+        return self._sum(parameters, expectation.memory, expectation.press, as_counts=True)
+
+    def _sum(
+        self, parameters: Parameters, memory: Floats, press: Floats, as_counts: bool
+    ) -> tuple[float, Floats]:
+        from learn import _slopes
+
+        p, chain, lattice = parameters, self.chain, self.exposure.lattice
+        answer, rates = np.zeros(2), np.zeros((4, len(p.peak)))
+        _slopes.expected(
+            lattice, 0, chain.units, p.mistake, p.peak, chain.share, memory, press, as_counts,
+            self._by_share, answer,
+        )  # fmt: skip
+        _slopes.collapse(lattice, 0, chain.units, p.peak, chain.share, chain.slope, self._by_share, rates)
+        return float(answer[0]), np.concatenate([answer[1:], rates.ravel()])
+
+
+def log_likelihood(
+    trials: Sequence[Trial], world: World, model: TeacherModel, prior: ArrayLike | None = None
+) -> float:
+    """Log-likelihood of the presses of all trials, in nats: the sum over steps of log P(O_t | past).
+
+    Given the task where it is known; otherwise summed over tasks weighted by `prior` (uniform by
+    default). Equal to what `Belief.update` predicts, step by step. Raises FitError, see `expose`.
+
+    >>> from taskcomm.world import NOA, BallWorld
+    >>> from taskcomm.trials import Step
+    >>> world = BallWorld()
+    >>> trial = Trial("quiet", world, world.tasks[0], (Step(NOA, False),) * 2)
+    >>> round(log_likelihood([trial], world, TeacherModel.intuitive()), 6)
+    -0.010025
+
+    Source: MODEL.md, section 7.
+    """
+    return float(log_likelihoods(trials, world, model, prior).sum())
+
+
+def log_likelihoods(
+    trials: Sequence[Trial], world: World, model: TeacherModel, prior: ArrayLike | None = None
+) -> Floats:
+    """`log_likelihood` of each trial, shape (trials,), in nats."""
+    evidence = Evidence(expose(trials, world, model, prior=prior))
+    return evidence.log_likelihoods(model.parameters(world.cue_names))
+
+
+def responsibilities(
+    trial: Trial, world: World, model: TeacherModel, prior: ArrayLike | None = None
+) -> Floats:
+    """P(M_t = m | whole trial) at every press: shape (presses, mental states).
+
+    Columns as `model.mental_states`, so the first, waiting, is 0. Tasks as in `log_likelihood`.
+    Raises FitError, see `expose`.
+    """
+    expose([trial], world, model, prior=prior)
+    return smooth(trial, model, world, prior).reasons

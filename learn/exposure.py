@@ -1,0 +1,132 @@
+"""Trials as the learner sees them: what was shown, task by task, and when the spacebar was pressed."""
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from taskcomm.lattice import Extent, Floats, Ints, Lattice, LatticeTooLarge, build_unit, join
+from taskcomm.smoother import cue_tables, hypotheses, index_of_task, task_prior
+from taskcomm.teacher import ModelError, TeacherModel
+from taskcomm.trials import Trial
+from taskcomm.world import World
+
+
+class FitError(ValueError):
+    """Trials that cannot be fitted together, or not with this model; the message says which and why."""
+
+
+def trial_hash(trial: Trial) -> str:
+    """What a fit depends on in a trial: sha256 of its dt, task, actions and presses.
+
+    >>> from taskcomm.world import NOA, BallWorld
+    >>> from taskcomm.trials import Step
+    >>> world = BallWorld()
+    >>> trial = Trial("a", world, world.tasks[0], (Step(NOA, False),))
+    >>> trial_hash(trial)[:8]
+    '823b8693'
+    """
+    presses = "".join("1" if step.pressed else "0" for step in trial.steps)
+    what = [
+        trial.dt,
+        None if trial.task is None else str(trial.task),
+        [str(a) for a in trial.actions],
+        presses,
+    ]
+    return hashlib.sha256(json.dumps(what).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """Every trial under every task that it may have had, as one lattice.
+
+    Unit u is trial `unit_trial[u]` under the tasks that show the same cues, whose prior is
+    `unit_prior[u]` (1 where the task is known) and, task by task, `unit_tasks[u]`. `steps` and
+    `presses` count those of each trial.
+    """
+
+    world: World
+    dt: float
+    trial_ids: tuple[str, ...]
+    hashes: tuple[str, ...]
+    steps: Ints
+    presses: Ints
+    lattice: Lattice
+    unit_trial: Ints
+    unit_prior: Floats
+    unit_tasks: tuple[Floats, ...]
+    cue_ever_on: tuple[bool, ...]
+
+
+def _check(trials: Sequence[Trial], world: World, model: TeacherModel) -> None:
+    if not trials:
+        raise FitError("no trials: a fit needs at least one")
+    for trial in trials:
+        if trial.world != world:
+            raise FitError(f"trial {trial.trial_id}: took place in {trial.world}, not in {world}")
+        if not trial.num_steps:
+            raise FitError(f"trial {trial.trial_id}: has no steps")
+        if abs(trial.dt - trials[0].dt) > 1e-9 * trials[0].dt:
+            raise FitError(
+                f"two dt in one fit: {trials[0].dt:g} s in trial {trials[0].trial_id},"
+                f" {trial.dt:g} s in trial {trial.trial_id}"
+            )
+    if abs(model.dt - trials[0].dt) > 1e-9 * trials[0].dt:
+        raise FitError(
+            f"dt = {trials[0].dt:g} s in the trials, but {model.dt:g} s in the model:"
+            f" model.with_dt({trials[0].dt:g}) converts it, approximately"
+        )
+
+
+def expose(
+    trials: Sequence[Trial],
+    world: World,
+    model: TeacherModel,
+    extent: Extent | None = None,
+    prior: ArrayLike | None = None,
+) -> Exposure:
+    """The lattice of `trials`, good for every model within `extent` (by default for `model` alone).
+
+    Trials whose task is None are taken under every task with a positive `prior` (uniform by default).
+    Raises FitError for zero trials, a trial without steps, two dt, another dt than the model's,
+    another world, a task that the world lacks, a cue that it lacks, a bad prior, or a trial with more
+    memories than taskcomm.lattice.MAX_MEMORIES.
+    """
+    trials = tuple(trials)
+    _check(trials, world, model)
+    try:
+        parameters = model.parameters(world.cue_names)
+        weight = task_prior(world, prior)
+    except (ModelError, ValueError) as error:
+        raise FitError(str(error)) from None
+    extent = Extent.of(parameters) if extent is None else extent
+    units, unit_trial, unit_tasks = [], [], []
+    ever = np.zeros(len(parameters.cue), dtype=np.bool_)
+    for number, trial in enumerate(trials):
+        try:
+            task = None if trial.task is None else index_of_task(trial, world, trial.task)
+            tables, shares = hypotheses(cue_tables(trial, world, parameters.cue), weight, task)
+            units += [build_unit(table, trial.presses, extent, model.dt) for table in tables]
+        except LatticeTooLarge as error:
+            raise FitError(f"trial {trial.trial_id}: {error}") from None
+        except ValueError as error:
+            raise FitError(str(error)) from None
+        ever |= np.any([table.any(axis=0) for table in tables], axis=0)
+        unit_trial += [number] * len(tables)
+        unit_tasks += shares
+    return Exposure(
+        world=world,
+        dt=model.dt,
+        trial_ids=tuple(trial.trial_id for trial in trials),
+        hashes=tuple(trial_hash(trial) for trial in trials),
+        steps=np.array([trial.num_steps for trial in trials]),
+        presses=np.array([int(trial.presses.sum()) for trial in trials]),
+        lattice=join(units),
+        unit_trial=np.array(unit_trial),
+        unit_prior=np.array([share.sum() for share in unit_tasks]),
+        unit_tasks=tuple(unit_tasks),
+        cue_ever_on=tuple(bool(on) for on in ever),
+    )

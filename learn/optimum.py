@@ -1,0 +1,164 @@
+"""Is it an optimum? One-sided slopes, and the search across breakpoints that EM cannot do.
+
+The log-likelihood is smooth only piecewise in rise, fall and delay: levels reach 0 and 1 on the time
+lattice. So the test of an optimum is that no one-sided slope rises, along any coordinate either way
+or along a fan of directions in the (rise, fall) plane of any approval state (MODEL.md, section 7).
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from learn.ascent import ascend, climb_from
+from learn.coordinates import Coordinates
+from learn.mstep import Objective
+from taskcomm.lattice import Floats
+
+TOLERANCE = 0.01
+REACH = 1e-6
+FAN = 32
+Value = Callable[[Floats], float]
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """One-sided slopes of a function at a point, in nats per unit of coordinate.
+
+    `directions` (n, coordinates) are of unit length; `slopes` (n,) those of moving along them, -inf
+    where that leaves the bounds. `up` and `down` (coordinates,) are those of each coordinate alone.
+    """
+
+    directions: Floats
+    slopes: Floats
+    up: Floats
+    down: Floats
+
+    @property
+    def steepest(self) -> float:
+        """The greatest slope: at an optimum, not above the tolerance."""
+        return float(self.slopes.max(initial=-math.inf))
+
+
+def directions_of(space: Coordinates) -> Floats:
+    """Plus and minus every coordinate, then a fan in every (log rise, log fall) plane."""
+    index = space.index.tolist()
+    states = (len(space.base) - 1) // 4
+    axes = np.eye(len(index))
+    rows = [axes, -axes]
+    angles = 2 * np.pi * (np.arange(FAN) + 0.5) / FAN
+    for m in range(states):
+        rise, fall = 1 + states + m, 1 + 2 * states + m
+        if rise in index and fall in index:
+            plane = np.outer(np.cos(angles), axes[index.index(rise)])
+            rows.append(plane + np.outer(np.sin(angles), axes[index.index(fall)]))
+    return np.concatenate(rows)
+
+
+def one_sided_slopes(value: Value, space: Coordinates, point: Floats, reach: float = REACH) -> Slopes:
+    """Slopes of `value` at `point` over a step of `reach`, along `directions_of(space)`."""
+    directions, here = directions_of(space), value(point)
+    slopes = np.full(len(directions), -math.inf)
+    for i, direction in enumerate(directions):
+        there = point + reach * direction
+        if ((there >= space.least) & (there <= space.most)).all():
+            slopes[i] = (value(there) - here) / reach
+    return Slopes(directions, slopes, slopes[: len(point)], slopes[len(point) : 2 * len(point)])
+
+
+def climb_line(value: Value, space: Coordinates, point: Floats, direction: Floats) -> tuple[Floats, float]:
+    """The best point found on the ray from `point`: doubling steps while it rises, then golden section."""
+
+    def at(length: float) -> float:
+        return value(np.clip(point + length * direction, space.least, space.most))
+
+    length, here, nearer = REACH, value(point), 0.0
+    best, best_length = here, 0.0
+    while (there := at(length)) > best and length < 8.0:
+        nearer, best, best_length = best_length, there, length
+        length *= 2.0
+    low, high, ratio = nearer, length, (math.sqrt(5) - 1) / 2
+    for _ in range(60):
+        if high - low < 1e-13 + 1e-10 * high:
+            break
+        a, b = high - ratio * (high - low), low + ratio * (high - low)
+        value_a, value_b = at(a), at(b)
+        for there, where in ((value_a, a), (value_b, b)):
+            if there > best:
+                best, best_length = there, where
+        low, high = (low, b) if value_a > value_b else (a, high)
+    return np.clip(point + best_length * direction, space.least, space.most), best
+
+
+def polish(objective: Objective, point: Floats, rounds: int = 60) -> tuple[Floats, Slopes]:
+    """Climb until no one-sided slope is above TOLERANCE, or for `rounds`; the point and its slopes."""
+    space = objective.space
+    point = climb_smoothly(objective, point)
+    slopes = one_sided_slopes(objective.value, space, point)
+    for _ in range(rounds):
+        if slopes.steepest <= TOLERANCE:
+            break
+        direction = slopes.directions[int(slopes.slopes.argmax())]
+        before = objective.value(point)
+        moved, value = climb_line(objective.value, space, point, direction)
+        if not value > before:
+            break
+        point = climb_smoothly(objective, moved)
+        slopes = one_sided_slopes(objective.value, space, point)
+    return point, slopes
+
+
+def climb_smoothly(objective: Objective, point: Floats, steps: int = 300) -> Floats:
+    """Quasi-Newton steps on the log-likelihood itself, restarted once where they get stuck."""
+    for _ in range(2):
+        climb = climb_from(objective.value_and_rates, point)
+        before = climb.value
+        climb = ascend(objective.value_and_rates, climb, objective.space.least, objective.space.most, steps)
+        point = climb.point
+        if climb.value - before < 1e-9:
+            break
+    return point
+
+
+def breakpoints(space: Coordinates, coordinate: int) -> Floats:
+    """Values of one rise, fall or delay to try: a log grid, and those at which levels meet the lattice.
+
+    A level that rises for n steps of dt reaches 1 at rise = n dt; over k on-off rounds, at n dt / k.
+    """
+    least, most = space.least[coordinate], space.most[coordinate]
+    if coordinate >= len(space.point(space.base)) - len(space.delays):
+        lattice = np.arange(0.0, most + space.dt / 4, space.dt / 4)
+        return np.asarray(lattice[(lattice >= least) & (lattice <= most)], dtype=np.float64)
+    n, k = np.meshgrid(np.arange(1, 41), np.arange(1, 4))
+    values = np.concatenate([np.log(np.unique(n * space.dt / k)), np.linspace(least, most, 25)])
+    return np.unique(values[(values >= least) & (values <= most)])
+
+
+def across_breakpoints(objective: Objective, point: Floats, value: float) -> tuple[Floats, float]:
+    """The best point found by moving one rise, fall or delay, or one (rise, fall) pair, anywhere."""
+    space = objective.space
+    index = space.index.tolist()
+    states = (len(space.base) - 1) // 4
+    start, best, best_value = point.copy(), point, value
+
+    def attempt(coordinates: list[int], values: list[float]) -> None:
+        nonlocal best, best_value
+        trial = start.copy()
+        trial[coordinates] = values
+        there = objective.value(trial)
+        if there > best_value:
+            best, best_value = trial, there
+
+    for coordinate in range(len(space.odds), len(index)):
+        for where in breakpoints(space, coordinate):
+            attempt([coordinate], [where])
+    for m in range(states):
+        rise, fall = 1 + states + m, 1 + 2 * states + m
+        if rise in index and fall in index:
+            pair = [index.index(rise), index.index(fall)]
+            grids = [np.linspace(space.least[i], space.most[i], 11) for i in pair]
+            for a in grids[0]:
+                for b in grids[1]:
+                    attempt(pair, [float(a), float(b)])
+    return best, best_value
