@@ -119,16 +119,17 @@ class ScriptedOperator:
         """Slide down to 1 and up to the furthest, pausing at each; the distance approved, or None."""
         furthest = self.world.num_distances
         at = self.world.distance(self.state, mov, wrt)
-        goals = [*range(at - 1, 0, -1), *range(2, furthest + 1)]
+        goals, doubted = [*range(at - 1, 0, -1), *range(2, furthest + 1)], set()
         while goals:
             goal = goals.pop(0)
             before = min(self.world.distance(self.state, mov, wrt), furthest)
             late = yield from self._slide(mov, wrt, goal)
             if not late:
                 late = yield from self._pause(self.reaction - self.dt)
-            if late:  # it may have meant the distance before
+            if late and before != goal and goal not in doubted:  # it may have meant the distance before
                 yield from self._slide(mov, wrt, before)
-                goals[:0] = [goal] * (before != goal)
+                goals.insert(0, goal)
+                doubted.add(goal)
             approvals = 0
             while approvals < self._wanted:
                 patience = 2 if approvals or late else 1
