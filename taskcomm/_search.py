@@ -1,3 +1,4 @@
+# mypy: disable-error-code="no-untyped-def, no-untyped-call"
 """The exact closed-loop tree search, compiled: arrays in, arrays out, no balls.
 
 The law is Q_h of MODEL.md, section 6, on unnormalised measures: with w the weights of the rows
@@ -21,18 +22,12 @@ expectation over all that may be observed until then.
 Layout. `row[r]` is (weight, levels, on-times) and `task[r]` its task; rows of one task are adjacent.
 `top[m]` holds the table-top of approval m by the columns below. `trail[d]` is the world node at
 depth d, `past` the patterns shown before depth 0 and at it, newest last. Frames of the search
-(one per depth) are the rows of `real` and `whole`.
+(one per depth) are the rows of `real` and `whole`. All kernels are in this one file since the compiler's
+cache does not see changes in another.
 """
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
-
-from taskcomm.belief import Belief
-from taskcomm.teacher import Parameters
-from taskcomm.worldgraph import WorldGraph
-
-Floats = NDArray[np.float64]
 
 PEAK, UP, DOWN, FIRST_UP, FIRST_DOWN, FIRST, LAST, LATE, DECAY, HOLD = range(10)  # columns of top
 MASS, HIGHEST, OTHERS, BEST, INFORMATION, CAPACITY, REACHED = range(7)  # columns of gain
@@ -42,7 +37,6 @@ START, STOP, STEPS, SINCE, AT, PHASE, SILENT_START, PRESS_STOP = range(8)  # col
 ENTER, AFTER_SILENT, AFTER_PRESS = range(3)  # phases
 
 _kernel = njit(cache=True, nogil=True, error_model="numpy")
-_inlined = njit(cache=True, nogil=True, error_model="numpy", inline="always")
 
 
 @_kernel
@@ -70,169 +64,177 @@ def _seen(pattern, past, trail, depth, task):
 
 
 @_kernel
-def _approval(top, row, r, m, states, older, newer):
-    """Level, on-time and P(M_t = m) of a row after a step that shows `older`, then `newer`."""
-    level = row[r, 1 + m]
+def _look_ahead(top, pattern, past, trail, task, row, ahead, depth, start, stop, resting):
+    """Where a step to depth + 1 takes every row's approvals, with the cue shown off or on.
+
+    ahead[r, m, shown] is (level, P(M = m), on-time). Where the cue is seen a step or more late, what is
+    shown now changes nothing, and both are what the path says.
+    """
+    states = len(top)
     decays = row.shape[1] > 1 + states
-    on_time = row[r, 1 + states + m] if decays else 0.0
-    if top[m, FIRST] > 0.0:
-        if older:
-            level = min(1.0, level + top[m, FIRST_UP])
-            on_time += top[m, FIRST]
-        else:
-            level, on_time = max(0.0, level - top[m, FIRST_DOWN]), 0.0
-    if newer:
-        level = min(1.0, level + top[m, UP])
-        on_time += top[m, LAST]
-    else:
-        level, on_time = max(0.0, level - top[m, DOWN]), 0.0
-    probability = top[m, PEAK] * level
-    if decays and on_time > top[m, HOLD]:
-        probability *= np.exp(-(on_time - top[m, HOLD]) / top[m, DECAY])
-    return level, on_time, probability
+    for m in range(states):
+        lag, bit = int(top[m, LATE]), 1 << m
+        for r in range(start, stop):
+            level, on_time = row[r, 1 + m], row[r, 1 + states + m] if decays else 0.0
+            if top[m, FIRST] > 0.0:
+                if _seen(pattern, past, trail, depth - lag, task[r]) & bit != 0:
+                    level, on_time = min(1.0, level + top[m, FIRST_UP]), on_time + top[m, FIRST]
+                else:
+                    level, on_time = max(0.0, level - top[m, FIRST_DOWN]), 0.0
+            up, down = min(1.0, level + top[m, UP]), max(0.0, level - top[m, DOWN])
+            on_time += top[m, LAST]
+            likely = 0.0 if resting else top[m, PEAK]
+            fresh = 1.0
+            if decays and on_time > top[m, HOLD]:
+                fresh = np.exp(-(on_time - top[m, HOLD]) / top[m, DECAY])
+            off, on = 0, 1
+            if lag > 0:
+                off = on = 1 if _seen(pattern, past, trail, depth + 1 - lag, task[r]) & bit != 0 else 0
+            for shown in range(2):
+                if (on if shown == 1 else off) == 1:
+                    ahead[r, m, shown, 0], ahead[r, m, shown, 1] = up, likely * up * fresh
+                    ahead[r, m, shown, 2] = on_time
+                else:
+                    ahead[r, m, shown, 0], ahead[r, m, shown, 1] = down, likely * down
+                    ahead[r, m, shown, 2] = 0.0
 
 
 @_kernel
-def _late(top, pattern, past, trail, depth, task, m, shown):
-    """Whether approval m's cue is seen in the first part and in the rest of the step to depth."""
-    lag, bit = int(top[m, LATE]), 1 << m
-    newer = shown if lag == 0 else _seen(pattern, past, trail, depth - lag, task)
-    older = 0
-    if top[m, FIRST] > 0.0:
-        older = _seen(pattern, past, trail, depth - lag - 1, task)
-    return older & bit != 0, newer & bit != 0
+def _branches(weight, own, pressed, group, g, at):
+    """(mass, x ln x of it, x ln x of the rest) of one task's press branch, into group[g, at : at + 3].
+
+    `own` is x ln x of the task's whole weight. Tasks of equal press probability share its logarithms,
+    kept from the last call in the last row of `group`.
+    """
+    group[g, at] = group[g, at + 1] = group[g, at + 2] = 0.0
+    if weight > 0.0:
+        share = pressed / weight
+        if share != group[-1, 0]:
+            group[-1, 0], group[-1, 1], group[-1, 2] = share, _xlogx(share), _xlogx(1.0 - share)
+        group[g, at] = pressed
+        group[g, at + 1] = share * own + weight * group[-1, 1]
+        group[g, at + 2] = (1.0 - share) * own + weight * group[-1, 2]
 
 
 @_kernel
-def _press_mass(top, mu, pattern, past, trail, task, row, depth, begin, end, shown, resting):
-    """Weight of the press branch of the rows of one task, if the step to depth + 1 shows `shown`."""
+def _pressed(mu, row, ahead, begin, end, shown):
+    """Weight of the press branch of the rows [begin, end) of one task, if the step shows `shown`."""
     total = 0.0
     for r in range(begin, end):
         probability = mu
-        if not resting:
-            for m in range(len(top)):
-                older, newer = _late(top, pattern, past, trail, depth + 1, task[r], m, shown)
-                probability += _approval(top, row, r, m, len(top), older, newer)[2]
+        for m in range(ahead.shape[1]):
+            probability += ahead[r, m, shown >> m & 1, 1]
         total += row[r, 0] * probability
     return total
 
 
 @_kernel
-def _one_step(
-    top, mu, first, count, successor, pattern, past, trail, task, row, depth, start, stop, resting, group, table
-):  # fmt: skip
-    """C and mass of both branches of every action at trail[depth], into table[depth].
+def _one_step(mu, first, count, successor, pattern, node, task, row, ahead, start, stop, group, table):
+    """C and mass of both branches of every action at `node`, into table (4, actions).
 
-    Tasks for which an action shows what the first action shows are counted once.
+    group[g] is: where the task's rows begin, its weight, x ln x of it, what the first action shows for
+    it, `_branches` of that; what another action shows for it, `_branches` of that. What actions show
+    alike is counted once. The last row of `group` is for `_branches`.
     """
-    node = trail[depth]
     base = successor[first[node]]
+    group[-1, 0] = -1.0
     groups, at = 0, start
-    sum_press, sum_silent, total_press, total = 0.0, 0.0, 0.0, 0.0
+    press, silent, mass, total = 0.0, 0.0, 0.0, 0.0
     while at < stop:
         begin, weight = at, 0.0
         while at < stop and task[at] == task[begin]:
             weight += row[at, 0]
             at += 1
-        shown = pattern[base, task[begin]]
-        pressed = _press_mass(top, mu, pattern, past, trail, task, row, depth, begin, at, shown, resting)
-        group[groups, 0], group[groups, 1], group[groups, 2] = begin, weight, pressed
-        group[groups, 3], group[groups, 4] = _xlogx(pressed), _xlogx(weight - pressed)
-        group[groups, 5] = -1.0
-        total, total_press = total + weight, total_press + pressed
-        sum_press, sum_silent = sum_press + group[groups, 3], sum_silent + group[groups, 4]
+        shown, own = pattern[base, task[begin]], _xlogx(weight)
+        group[groups, 0], group[groups, 1], group[groups, 2] = begin, weight, own
+        group[groups, 3], group[groups, 7] = shown, -1.0
+        _branches(weight, own, _pressed(mu, row, ahead, begin, at, shown), group, groups, 4)
+        total += weight
+        mass, press, silent = mass + group[groups, 4], press + group[groups, 5], silent + group[groups, 6]
         groups += 1
     group[groups, 0] = stop
     for a in range(count[node]):
         child = successor[first[node] + a]
-        press, silent, mass = sum_press, sum_silent, total_press
+        child_mass, child_press, child_silent = mass, press, silent
         for g in range(groups):
             begin = int(group[g, 0])
             shown = pattern[child, task[begin]]
-            if a > 0 and shown != pattern[base, task[begin]]:
-                if group[g, 5] != shown:
-                    end = int(group[g + 1, 0])
-                    pressed = _press_mass(
-                        top, mu, pattern, past, trail, task, row, depth, begin, end, shown, resting
-                    )
-                    group[g, 5], group[g, 6] = shown, pressed
-                    group[g, 7], group[g, 8] = _xlogx(pressed), _xlogx(group[g, 1] - pressed)
-                mass += group[g, 6] - group[g, 2]
-                press += group[g, 7] - group[g, 3]
-                silent += group[g, 8] - group[g, 4]
-        table[depth, PRESSED, a] = mass
-        table[depth, PRESS, a] = max(0.0, _xlogx(mass) - press)
-        table[depth, SILENT, a] = max(0.0, _xlogx(total - mass) - silent)
+            if shown != group[g, 3]:
+                if shown != group[g, 7]:
+                    pressed = _pressed(mu, row, ahead, begin, int(group[g + 1, 0]), shown)
+                    group[g, 7] = shown
+                    _branches(group[g, 1], group[g, 2], pressed, group, g, 8)
+                child_mass += group[g, 8] - group[g, 4]
+                child_press += group[g, 9] - group[g, 5]
+                child_silent += group[g, 10] - group[g, 6]
+        table[PRESSED, a] = child_mass
+        table[PRESS, a] = max(0.0, _xlogx(child_mass) - child_press)
+        table[SILENT, a] = max(0.0, _xlogx(total - child_mass) - child_silent)
 
 
 @_kernel
-def _children(top, mu, pattern, past, trail, task, row, depth, start, stop, resting):
-    """Append the rows after the step to trail[depth + 1]: with a press from `stop` on, then without.
+def _children(mu, pattern, node, task, row, ahead, start, stop):
+    """Append the rows after the step to `node`: with a press from `stop` on, then without.
 
     Returns where the former end and the latter start; the latter are as many as the parent's. The
     press branch comes first since it is searched last, and must not be overwritten until then.
     """
-    states = len(top)
+    states = ahead.shape[1]
     decays = row.shape[1] > 1 + states
     press_stop, silent_start = stop, stop + (stop - start) * (states + 1)
     if silent_start + (stop - start) > len(task):
         return -1, -1
     for r in range(start, stop):
-        silent, mistaken = silent_start + r - start, press_stop
-        press_stop += 1
-        shown = pattern[trail[depth + 1], task[r]]
-        task[silent] = task[mistaken] = task[r]
-        approved = 0.0
+        silent, shown, approved = silent_start + r - start, pattern[node, task[r]], 0.0
         for m in range(states):
-            older, newer = _late(top, pattern, past, trail, depth + 1, task[r], m, shown)
-            level, on_time, probability = _approval(top, row, r, m, states, older, newer)
-            row[silent, 1 + m] = row[mistaken, 1 + m] = level
+            row[silent, 1 + m] = ahead[r, m, shown >> m & 1, 0]
             if decays:
-                row[silent, 1 + states + m] = row[mistaken, 1 + states + m] = on_time
-            if probability > 0.0 and not resting:
-                approved += probability
+                row[silent, 1 + states + m] = ahead[r, m, shown >> m & 1, 2]
+        for m in range(-1, states):  # a mistake, then the resets
+            probability = mu if m < 0 else ahead[r, m, shown >> m & 1, 1]
+            approved += probability
+            if probability > 0.0:
                 task[press_stop] = task[r]
+                for column in range(1, row.shape[1]):
+                    row[press_stop, column] = row[silent, column]
+                if m >= 0:
+                    row[press_stop, 1 + m] = 0.0
+                    if decays:
+                        row[press_stop, 1 + states + m] = 0.0
                 row[press_stop, 0] = row[r, 0] * probability
-                row[press_stop, 1] = m  # for the second pass
                 press_stop += 1
-        row[mistaken, 0] = row[r, 0] * mu
-        row[silent, 0] = row[r, 0] * (1.0 - mu - approved)
-        for reset in range(mistaken + 1, press_stop):
-            m = int(row[reset, 1])
-            for column in range(1, row.shape[1]):
-                row[reset, column] = row[silent, column]
-            row[reset, 1 + m] = 0.0
-            if decays:
-                row[reset, 1 + states + m] = 0.0
+        task[silent], row[silent, 0] = task[r], row[r, 0] * (1.0 - approved)
     return press_stop, silent_start
 
 
 @_kernel
-def _may_show(pattern, past, trail, reach, depth, ahead, task):
-    """Bits that may be on `ahead` steps after `depth`; known where that is past."""
-    if ahead >= 1:
-        return reach[trail[depth], ahead, task]
-    return _seen(pattern, past, trail, depth + ahead, task)
+def _highest(top, mu, row, r, show, climb, steps, gain):
+    """The highest P(press) of a row 1 to `steps` steps on, into gain[:, REACHED].
 
-
-@_kernel
-def _highest(top, mu, pattern, past, trail, reach, task, row, depth, r, steps, gain):
-    """The highest P(press) of a row 1 to `steps` steps after `depth`, into gain[:, REACHED]."""
+    The lesser of two bounds: each level as if its cue were on wherever it may be (`show`, the
+    patterns from the furthest past that is still to be seen); all levels together by what one
+    path through the world can add (`climb`), and what is seen late of the past.
+    """
+    past = len(show) - steps  # show[past] is the step to come
+    now, late = mu, 0.0
     for k in range(steps):
         gain[k, REACHED] = mu
     for m in range(len(top)):
         level, bit, lag = row[r, 1 + m], 1 << m, int(top[m, LATE])
+        peak, up, down = top[m, PEAK], top[m, UP], top[m, DOWN]
+        now += peak * level
+        late += peak * (lag * (up + top[m, FIRST_UP]) + top[m, FIRST_UP])
         for k in range(steps):
             if top[m, FIRST] > 0.0:
-                if _may_show(pattern, past, trail, reach, depth, k - lag, task[r]) & bit != 0:
+                if show[past + k - lag - 1] & bit != 0:
                     level = min(1.0, level + top[m, FIRST_UP])
                 else:
                     level = max(0.0, level - top[m, FIRST_DOWN])
-            if _may_show(pattern, past, trail, reach, depth, k + 1 - lag, task[r]) & bit != 0:
-                level = min(1.0, level + top[m, UP])
-            else:
-                level = max(0.0, level - top[m, DOWN])
-            gain[k, REACHED] += top[m, PEAK] * level
+            on = show[past + k - lag] & bit != 0
+            level = min(1.0, level + up) if on else max(0.0, level - down)
+            gain[k, REACHED] += peak * level
+    for k in range(steps):
+        gain[k, REACHED] = min(gain[k, REACHED], now + late + climb[k + 1])
 
 
 @_kernel
@@ -245,14 +247,9 @@ def _two_points(mu, highest, share):
 
 
 @_kernel
-def _gains(top, mu, pattern, past, trail, reach, task, row, depth, start, stop, steps, gain):
-    """The most that each of the next `steps` steps can tell, in nats, for the rows [start, stop).
-
-    gain[:, INFORMATION] is for these rows, gain[:, CAPACITY] for a unit of any mass among them.
-    """
-    ceiling = mu + top[:, PEAK].sum()
-    slope = _divergence(ceiling, mu) / (ceiling - mu) if ceiling > mu else 0.0
-    total, most, from_, to, at = 0.0, -1.0, start, start, start
+def _best_task(task, row, start, stop):
+    """Where the rows of the heaviest task begin, and the total weight."""
+    total, most, best, at = 0.0, -1.0, start, start
     while at < stop:
         begin, weight = at, 0.0
         while at < stop and task[at] == task[begin]:
@@ -260,23 +257,44 @@ def _gains(top, mu, pattern, past, trail, reach, task, row, depth, start, stop, 
             at += 1
         total += weight
         if weight > most:
-            most, from_, to = weight, begin, at
+            most, best = weight, begin
+    return best, total
+
+
+@_kernel
+def _gains(top, mu, pattern, past, trail, reach, climb, task, row, depth, start, stop, steps, show, gain):
+    """The most that each of the next `steps` steps can tell, in nats, for the rows [start, stop).
+
+    gain[:, INFORMATION] is for these rows, gain[:, CAPACITY] for a unit of any mass among them.
+    """
+    node, before = trail[depth], len(past) - 1
+    ceiling = mu + top[:, PEAK].sum()
+    slope = _divergence(ceiling, mu) / (ceiling - mu) if ceiling > mu else 0.0
+    best, total = _best_task(task, row, start, stop)
+    show = show[: before + steps]
     for k in range(steps):
-        gain[k, MASS], gain[k, HIGHEST], gain[k, OTHERS] = 0.0, mu, 0.0
-    for i in range(stop - start):  # the best task's rows come first
-        r = from_ + i if i < to - from_ else start + i - (to - from_)
-        if i >= to - from_ and r >= from_:
-            r += to - from_
-        if i == to - from_:
+        gain[k, MASS], gain[k, HIGHEST], gain[k, OTHERS], gain[k, BEST] = 0.0, mu, 0.0, 0.0
+    for others in range(2):  # the best task comes first: the others' bound needs it
+        r = start if others else best
+        while r < stop and (others or task[r] == task[best]):
+            if others and task[r] == task[best]:
+                r += 1
+                continue
+            if r in (start, best) or task[r] != task[r - 1]:
+                for k in range(before):
+                    show[k] = _seen(pattern, past, trail, depth + 1 + k - before, task[r])
+                for k in range(steps):
+                    show[before + k] = reach[node, k + 1, task[r]]
+            _highest(top, mu, row, r, show, climb[node, :, task[r]], steps, gain)
             for k in range(steps):
-                gain[k, BEST] = _divergence(mu, gain[k, HIGHEST])
-        _highest(top, mu, pattern, past, trail, reach, task, row, depth, r, steps, gain)
+                above = gain[k, REACHED] - mu
+                gain[k, MASS] += row[r, 0] * above
+                gain[k, HIGHEST] = max(gain[k, HIGHEST], gain[k, REACHED])
+                if others:
+                    gain[k, OTHERS] += row[r, 0] * max(gain[k, BEST], slope * above)
+            r += 1
         for k in range(steps):
-            above = gain[k, REACHED] - mu
-            gain[k, MASS] += row[r, 0] * above
-            gain[k, HIGHEST] = max(gain[k, HIGHEST], gain[k, REACHED])
-            if i >= to - from_:
-                gain[k, OTHERS] += row[r, 0] * max(gain[k, BEST], slope * above)
+            gain[k, BEST] = _divergence(mu, gain[k, HIGHEST])
     for k in range(steps):
         highest = gain[k, HIGHEST]
         gain[k, INFORMATION] = gain[k, CAPACITY] = 0.0
@@ -325,8 +343,8 @@ def _push(real, whole, depth, start, stop, steps, since, cost, cutoff):
 
 @_kernel
 def search(
-    top, mu, rest_steps, first, count, successor, pattern, reach, past,
-    task, row, trail, table, exact, order, group, gain, real, whole,
+    top, mu, rest_steps, first, count, successor, pattern, reach, climb, past,
+    task, row, ahead, trail, table, exact, order, group, show, gain, real, whole,
     rows, steps, since, cost, slack, gamma,
 ):  # fmt: skip
     """Q_steps of every action at trail[0] for the first `rows` rows, whose own C is `cost`.
@@ -341,16 +359,19 @@ def search(
         start, stop, steps = whole[depth, START], whole[depth, STOP], whole[depth, STEPS]
         node, resting = trail[depth], whole[depth, SINCE] < rest_steps
         if whole[depth, PHASE] == ENTER:
-            _gains(top, mu, pattern, past, trail, reach, task, row, depth, start, stop, steps, gain[depth])
+            _gains(
+                top, mu, pattern, past, trail, reach, climb, task, row, depth, start, stop, steps, show,
+                gain[depth],
+            )  # fmt: skip
             value = _least_future(gain[depth], INFORMATION, 1.0, 0, steps, real[depth, COST], gamma)
             if value >= real[depth, CUTOFF]:
                 depth -= 1
                 continue
             nodes += 1
+            _look_ahead(top, pattern, past, trail, task, row, ahead, depth, start, stop, resting)
             _one_step(
-                top, mu, first, count, successor, pattern, past, trail, task, row, depth, start, stop,
-                resting, group, table,
-            )  # fmt: skip
+                mu, first, count, successor, pattern, node, task, row, ahead, start, stop, group, table[depth]
+            )
             _order(table, order, gain, depth, count[node], steps, gamma)
             whole[depth, AT], real[depth, LEAST] = 0, np.inf
             for a in range(count[node]):
@@ -385,9 +406,7 @@ def search(
             continue
         action = order[depth, at]
         trail[depth + 1] = successor[first[node] + action]
-        press_stop, silent_start = _children(
-            top, mu, pattern, past, trail, task, row, depth, start, stop, resting
-        )
+        press_stop, silent_start = _children(mu, pattern, trail[depth + 1], task, row, ahead, start, stop)
         if press_stop < 0:
             return -1
         silent, press = table[depth, SILENT, action], table[depth, PRESS, action]
@@ -401,48 +420,3 @@ def search(
         )  # fmt: skip
         depth += 1
     return nodes
-
-
-def run(
-    belief: Belief, graph: WorldGraph, root: int, horizon: int, slack: float, gamma: float, capacity: int
-) -> tuple[Floats, NDArray[np.bool_], int]:
-    """`search` from a belief: bounds by action, which of them are exact, nodes (-1: rows did not fit)."""
-    p: Parameters = belief.parameters
-    states, rows = len(p.peak), len(belief.task)
-    first = p.part_late * p.dt
-    last = p.dt - first
-    top = np.column_stack(
-        [
-            p.peak,
-            last / p.rise,
-            last / p.fall,
-            first / p.rise,
-            first / p.fall,
-            first,
-            last,
-            p.steps_late,
-            p.decay,
-            p.hold,
-        ]
-    )
-    decays = bool(np.isfinite(p.decay).any())
-    capacity = max(capacity, rows * (states + 3))
-    task = np.zeros(capacity, dtype=np.int64)
-    row = np.zeros((capacity, 1 + states * (1 + decays)))
-    task[:rows], row[:rows, 0], row[:rows, 1 : 1 + states] = belief.task, belief.weight, belief.level
-    if decays:
-        row[:rows, 1 + states :] = belief.on_time
-    bits = (1 << np.arange(states)).astype(np.uint16)[None, :, None]
-    past = np.where(belief.seen, bits, np.uint16(0)).sum(axis=1).astype(np.uint16)
-    most = int(graph.count.max())
-    table = np.zeros((horizon, 4, most))
-    exact = np.zeros((horizon, most), dtype=np.bool_)
-    nodes = search(
-        top, p.mistake, p.rest_steps, graph.first, graph.count, graph.successor, graph.pattern, graph.reach, past,
-        task, row, np.full(horizon + 1, root), table, exact, np.zeros((horizon, most), dtype=np.int64),
-        np.zeros((len(belief.world.tasks) + 1, 9)), np.zeros((horizon, horizon, 7)),
-        np.zeros((horizon, 7)), np.zeros((horizon, 8), dtype=np.int64),
-        rows, horizon, belief.since_press, belief.entropy(), slack, gamma,
-    )  # fmt: skip
-    count = int(graph.count[root])
-    return table[0, BOUND, :count], exact[0, :count], int(nodes)

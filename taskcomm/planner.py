@@ -1,6 +1,5 @@
 """The planner: the action that minimises the sum of expected entropy (MODEL.md, section 6)."""
 
-import logging
 from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +14,6 @@ from taskcomm.worldgraph import WorldGraph
 
 TIE = 1e-9
 _SLACK = 2 * TIE
-log = logging.getLogger("taskcomm")
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,9 @@ class EntropyPlanner:
         self.world, self.model, self.horizon = world, model, horizon
         self.gamma, self.ties = float(gamma), ties
         self._random = np.random.default_rng(seed)
-        self._graph = WorldGraph(world, model.parameters(world.cue_names).cue, horizon)
+        parameters = model.parameters(world.cue_names)
+        worth = parameters.peak * parameters.dt / parameters.rise
+        self._graph = WorldGraph(world, parameters.cue, worth, horizon)
         self._capacity = 1 << 14
 
     def reset(self, rng: np.random.Generator | None = None) -> None:
@@ -117,10 +117,54 @@ class EntropyPlanner:
     def _search(
         self, belief: Belief, root: int, slack: float
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_], int]:
-        from taskcomm import _search  # compiles on first use; numba is loaded only here
-
+        """Q or a lower bound by action, which of them are Q, and the nodes visited."""
         while True:
-            found = _search.run(belief, self._graph, root, self.horizon, slack, self.gamma, self._capacity)
+            found = _searched(belief, self._graph, root, self.horizon, slack, self.gamma, self._capacity)
             if found[2] >= 0:
                 return found
-            self._capacity *= 4
+            self._capacity *= 4  # the rows did not fit
+
+
+def _searched(
+    belief: Belief, graph: WorldGraph, root: int, horizon: int, slack: float, gamma: float, capacity: int
+) -> tuple[NDArray[np.float64], NDArray[np.bool_], int]:
+    """The compiled search, from a belief to arrays and back; nodes are -1 where the rows did not fit."""
+    from taskcomm import _search  # numba is loaded, and the kernel compiled, only when it is needed
+
+    p = belief.parameters
+    states, rows, most = len(p.peak), len(belief.task), int(graph.count.max())
+    decays = bool(np.isfinite(p.decay).any())
+    capacity = max(capacity, rows * (states + 3))
+    task, row = np.zeros(capacity, dtype=np.int64), np.zeros((capacity, 1 + states * (1 + decays)))
+    task[:rows], row[:rows, 0], row[:rows, 1 : 1 + states] = belief.task, belief.weight, belief.level
+    if decays:
+        row[:rows, 1 + states :] = belief.on_time
+    bits = (1 << np.arange(states)).astype(np.uint16)[None, :, None]
+    past = np.where(belief.seen, bits, np.uint16(0)).sum(axis=1).astype(np.uint16)
+    first = p.part_late * p.dt
+    last = p.dt - first
+    speeds = [last / p.rise, last / p.fall, first / p.rise, first / p.fall]
+    table = np.zeros((horizon, 4, most))
+    exact = np.zeros((horizon, most), dtype=np.bool_)
+    nodes = _search.search(
+        np.column_stack([p.peak, *speeds, first, last, p.steps_late, p.decay, p.hold]),
+        p.mistake,
+        p.rest_steps,
+        *(graph.first, graph.count, graph.successor, graph.pattern, graph.reach, graph.climb),
+        past,
+        task,
+        row,
+        np.zeros((capacity, states, 2, 3)),
+        np.full(horizon + 1, root),
+        table,
+        exact,
+        np.zeros((horizon, most), dtype=np.int64),
+        np.zeros((len(belief.world.tasks) + 2, 11)),
+        np.zeros(len(past) + horizon, dtype=np.int64),
+        np.zeros((horizon, horizon, 7)),
+        np.zeros((horizon, 7)),
+        np.zeros((horizon, 8), dtype=np.int64),
+        *(rows, horizon, belief.since_press, belief.entropy(), slack, gamma),
+    )
+    count = int(graph.count[root])
+    return table[0, _search.BOUND, :count], exact[0, :count], int(nodes)

@@ -17,14 +17,18 @@ class WorldGraph:
     Node n is `states[n]`, with actions `actions[n]` (canonical order) leading to the nodes
     `successor[first[n] : first[n] + count[n]]` once it is expanded (`count[n]` > 0).
     `pattern[n, task]` has bit m set where the cue of approval m is on; `reach[n, d, task]` has it
-    set where the cue is on in some state that 1 to d steps from n lead to (filled up to
-    `depth[n]`). `cue` (M,) are the rows of `world.cues(state)` that the teacher model uses.
+    set where the cue is on in some state that 1 to d steps from n lead to; `climb[n, d, task]` is the most
+    that d steps on one path from n can collect where each state pays `worth[m]` for each cue that
+    is on (both filled up to `depth[n]`). `cue` (M,) are the rows of `world.cues(state)` that the teacher
+    model uses.
     """
 
-    def __init__(self, world: World, cue: NDArray[np.int64], horizon: int) -> None:
+    def __init__(
+        self, world: World, cue: NDArray[np.int64], worth: NDArray[np.float64], horizon: int
+    ) -> None:
         if len(cue) > MAX_CUES:
             raise ValueError(f"at most {MAX_CUES} approval states, not {len(cue)}")
-        self.world, self.cue, self.horizon = world, cue, horizon
+        self.world, self.cue, self.worth, self.horizon = world, cue, worth, horizon
         self.states: list[Any] = []
         self.actions: list[tuple[Any, ...]] = []
         self._index: dict[Hashable, int] = {}
@@ -34,7 +38,9 @@ class WorldGraph:
         self.count = np.zeros(256, dtype=np.int64)
         self.depth = np.zeros(256, dtype=np.int64)
         self.pattern = np.zeros((256, tasks), dtype=np.uint16)
+        self.pay = np.zeros((256, tasks))
         self.reach = np.zeros((256, horizon + 1, tasks), dtype=np.uint16)
+        self.climb = np.zeros((256, horizon + 1, tasks))
         self.successor = np.zeros(1024, dtype=np.int64)
         self._used = 0
 
@@ -45,13 +51,14 @@ class WorldGraph:
             return index
         index = len(self.states)
         if index == len(self.first):
-            for name in ("first", "count", "depth", "pattern", "reach"):
+            for name in ("first", "count", "depth", "pattern", "pay", "reach", "climb"):
                 setattr(self, name, _doubled(getattr(self, name)))
         self.states.append(state)
         self.actions.append(())
         self._index[state] = index
         on = np.asarray(self.world.cues(state), dtype=np.bool_)[self.cue]
         self.pattern[index] = np.where(on, self._bits, 0).sum(axis=0)
+        self.pay[index] = self.worth @ on
         return index
 
     def expand(self, node: int) -> None:
@@ -79,10 +86,10 @@ class WorldGraph:
             layer: list[int] = []
             for node in layers[-1]:
                 self.expand(node)
-                for after in self._after(node):
-                    if after not in seen:
-                        seen.add(after)
-                        layer.append(after)
+                for reached in self._after(node):
+                    if reached not in seen:
+                        seen.add(reached)
+                        layer.append(reached)
             layers.append(layer)
         for steps in range(1, depth + 1):
             for layer in layers[: depth - steps + 1]:
@@ -91,6 +98,7 @@ class WorldGraph:
                         after = self._after(node)
                         on = self.pattern[after] | self.reach[after, steps - 1]
                         self.reach[node, steps] = np.bitwise_or.reduce(on, axis=0)
+                        self.climb[node, steps] = (self.pay[after] + self.climb[after, steps - 1]).max(axis=0)
                         self.depth[node] = steps
 
     def _after(self, node: int) -> list[int]:

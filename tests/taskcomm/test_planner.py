@@ -1,0 +1,172 @@
+"""The planner equals the whole tree: every value, and the action chosen."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from oracles import full_tree
+from strategies import models, walks, worlds
+
+from taskcomm.belief import Belief
+from taskcomm.planner import TIE, EntropyPlanner
+from taskcomm.teacher import ModelError, TableTop, TeacherModel
+from taskcomm.world import Action, BallWorld
+
+# MODEL.md, section 6: horizon -> Q of noa, light_on(any), pick_up(any)
+REFERENCE = {
+    1: (3.178053830, 3.173143, 3.178053830),
+    2: (6.351197, 6.333974, 6.351075),
+    3: (9.512027, 9.473553, 9.510808),
+    4: (12.651607, 12.583004, 12.647779),
+    5: (15.761058, 15.661811, 15.753024),
+}
+
+
+@pytest.mark.parametrize("horizon", REFERENCE)
+def test_first_decision_has_the_reference_values(horizon: int) -> None:
+    world, model = BallWorld(), TeacherModel.intuitive()
+    planner = EntropyPlanner(world, model, horizon)
+    decision = planner.plan(Belief.initial(world, model), world.start(), exact_values=True)
+    noa, light, pick = REFERENCE[horizon]
+    for action, value in decision.values.items():
+        assert value == pytest.approx({"noa": noa, "light_on": light}.get(action.name, pick), abs=1e-6)
+    assert decision.action == Action("light_on", 1)
+    assert decision.ties == tuple(Action("light_on", ball) for ball in (1, 2, 3))
+    quick = planner.plan(Belief.initial(world, model), world.start())
+    assert (quick.action, quick.ties) == (decision.action, decision.ties)
+    assert quick.gap <= decision.gap + 1e-12
+    assert quick.nodes <= decision.nodes
+
+
+@st.composite
+def situations(draw: st.DrawFn, max_balls: int = 3, max_steps: int = 8) -> tuple[Belief, object]:
+    """A belief after a random walk with random presses, and the world state reached."""
+    world = draw(worlds(max_balls=max_balls, max_distances=3))
+    belief, walk = Belief.initial(world, draw(models())), draw(walks(world, max_steps))
+    for _, state in walk:
+        belief = belief.update(state, draw(st.booleans()))
+    return belief, walk[-1][1]
+
+
+def assert_equals_the_whole_tree(belief: Belief, state: object, horizon: int, gamma: float) -> None:
+    oracle = full_tree(belief, state, horizon, gamma)
+    planner = EntropyPlanner(belief.world, belief.model, horizon, gamma=gamma)
+    exact = planner.plan(belief, state, exact_values=True)
+    assert list(exact.values) == list(oracle)
+    assert exact.values == pytest.approx(oracle, abs=1e-9)
+    least = min(oracle.values())
+    quick = planner.plan(belief, state)
+    for decision in (exact, quick):
+        assert decision.value == pytest.approx(least, abs=1e-9)
+        assert oracle[decision.action] <= least + TIE + 1e-12
+        assert all(oracle[tie] <= least + TIE + 1e-12 for tie in decision.ties)
+        assert decision.ties[0] == decision.action
+    surely_tied = [action for action, value in oracle.items() if value <= least + TIE / 2]
+    assert set(surely_tied) <= set(quick.ties)
+    assert quick.action == next(action for action in oracle if action in quick.ties)
+    assert set(quick.values) | set(quick.bounds) == set(oracle)
+    for action, value in quick.values.items():
+        assert value == pytest.approx(oracle[action], abs=1e-9)
+    for action, bound in quick.bounds.items():
+        assert least < bound <= oracle[action] + 1e-9
+    true_gap = min((v for a, v in oracle.items() if a not in quick.ties), default=np.inf) - least
+    assert quick.gap <= true_gap + 1e-9
+    assert exact.gap == pytest.approx(true_gap, abs=1e-9)
+
+
+@given(situations(), st.integers(1, 2), st.sampled_from([1.0, 0.9, 0.3]))
+def test_equals_the_whole_tree_on_any_world_and_model(
+    situation: tuple[Belief, object], horizon: int, gamma: float
+) -> None:
+    assert_equals_the_whole_tree(*situation, horizon, gamma)
+
+
+@given(situations(max_balls=2, max_steps=5))
+def test_equals_the_whole_tree_three_steps_deep(situation: tuple[Belief, object]) -> None:
+    assert_equals_the_whole_tree(*situation, 3, 1.0)
+
+
+@pytest.mark.verify
+@pytest.mark.parametrize("presses", [0, 1, 3])
+@pytest.mark.parametrize("horizon", [4, 5])
+def test_equals_the_whole_tree_at_the_papers_horizon(horizon: int, presses: int) -> None:
+    world, model = BallWorld(2, 2), TeacherModel.intuitive()
+    belief, state = Belief.initial(world, model), world.start()
+    for step in range(2 * presses):
+        state = world.step(state, world.actions(state)[1 + step % 2])
+        belief = belief.update(state, step % 2 == 1)
+    assert_equals_the_whole_tree(belief, state, horizon, 1.0)
+
+
+def peaked(presses: int) -> tuple[Belief, object]:
+    world, model = BallWorld(2, 2), TeacherModel.intuitive()
+    belief, state = Belief.initial(world, model), world.start()
+    script = ("light_on(1)", "noa", "pick_up(1)", "light_on(2)", "slide(1, 2, 2)", "slide(1, 1, 2)")
+    for text in (*script, *["noa"] * (2 * presses)):
+        state = world.step(state, Action.parse(text))
+        belief = belief.update(state, text == "noa")
+    return belief, state
+
+
+@pytest.mark.parametrize("presses", [2, 4, 8])
+def test_equals_the_whole_tree_for_peaked_beliefs(presses: int) -> None:
+    belief, state = peaked(presses)
+    assert belief.marginal().max() > 0.85
+    assert_equals_the_whole_tree(belief, state, 3, 1.0)
+
+
+def test_a_certain_belief_has_nothing_to_gain() -> None:
+    world, model = BallWorld(), TeacherModel.intuitive()
+    prior = np.zeros(24)
+    prior[3] = 1.0
+    decision = EntropyPlanner(world, model, 3).plan(Belief.initial(world, model, prior), world.start())
+    assert decision.value == pytest.approx(0.0, abs=1e-12)
+    assert decision.ties == world.actions(world.start())
+    assert decision.gap == np.inf
+
+
+def test_rows_beyond_the_working_memory_are_made_room_for() -> None:
+    belief, state = peaked(8)
+    planner = EntropyPlanner(belief.world, belief.model, 4)
+    wanted = planner.plan(belief, state, exact_values=True)
+    small = EntropyPlanner(belief.world, belief.model, 4)
+    small._capacity = 1
+    assert small.plan(belief, state, exact_values=True) == wanted
+
+
+def test_random_ties_are_drawn_from_the_ties_by_the_seed() -> None:
+    world, model = BallWorld(), TeacherModel.intuitive()
+    belief = Belief.initial(world, model)
+
+    def drawn(seed: int) -> list[Action]:
+        planner = EntropyPlanner(world, model, 1, ties="random", seed=seed)
+        return [planner.plan(belief, world.start()).action for _ in range(20)]
+
+    assert drawn(1) == drawn(1)
+    assert set(drawn(1)) == {Action("light_on", ball) for ball in (1, 2, 3)}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        ({"horizon": 0}, "horizon"),
+        ({"horizon": 2.5}, "horizon"),
+        ({"gamma": 0.0}, "gamma"),
+        ({"gamma": 1.1}, "gamma"),
+        ({"gamma": float("nan")}, "gamma"),
+        ({"ties": "last"}, "ties"),
+    ],
+)
+def test_bad_settings_are_named(arguments: dict[str, object], named: str) -> None:
+    with pytest.raises(ValueError, match=named):
+        EntropyPlanner(BallWorld(), TeacherModel.intuitive(), **arguments)  # type: ignore[arg-type]
+
+
+def test_unknown_cues_and_foreign_beliefs_are_refused() -> None:
+    world, model = BallWorld(), TeacherModel.intuitive()
+    strange = TeacherModel(mistake=0.01, approvals={"that": TableTop("smell", 0.1, 1.0, 1.0)})
+    with pytest.raises(ModelError, match="smell"):
+        EntropyPlanner(world, strange)
+    belief = Belief.initial(BallWorld(2, 2), model)
+    with pytest.raises(ValueError, match="another model or world"):
+        EntropyPlanner(world, model).plan(belief, world.start())
