@@ -190,6 +190,7 @@ def _check_version(schema: Any) -> None:
 def _plain(message: str) -> str:
     what, _, where = message.partition(" - at `")
     field = where.rstrip("`").removeprefix("$").lstrip(".")
+    what = re.sub("^Object missing required field (.*)$", r"\1 is missing", what)
     what = what[:1].lower() + what[1:]
     return f"{field}: {what}" if field else what
 

@@ -16,6 +16,7 @@ from taskcomm.loglines import (
     RatingLine,
     ResumeLine,
     StepLine,
+    TaskPart,
     TrialEnd,
     TrialStart,
     decode,
@@ -162,10 +163,7 @@ class _OpenTrial:
 
     def __init__(self, start: TrialStart, index: WorldIndex, place: str) -> None:
         self.start, self.index, self.place = start, index, place
-        try:
-            self.task = None if start.task is None else index.task(start.task)
-        except LineError as error:
-            raise LineError(f"task card: {error}") from None
+        self.task = self._task("task card", start.task)
         self.state: Any = index.world.start()
         self.broken = False
         self.next_seq = 0
@@ -199,6 +197,12 @@ class _OpenTrial:
             kind = {"type": "resume"} if isinstance(line, ResumeLine) else {}
             self.extras["events"].append(kind | _body(document) | {"seq": place})
 
+    def _task(self, what: str, part: TaskPart | None) -> Any:
+        try:
+            return None if part is None else self.index.task(part)
+        except LineError as error:
+            raise LineError(f"{what}: {error}") from None
+
     def _add_step(self, line: StepLine) -> None:
         if self.end is not None:
             raise LineError("step: it comes after the end of its trial")
@@ -218,7 +222,7 @@ class _OpenTrial:
                 f"displayed: a trial that ends as {line.reason!r} shows "
                 f"{'a' if line.displayed is None else 'no'} task"
             )
-        self.displayed = None if line.displayed is None else self.index.task(line.displayed)
+        self.displayed = self._task("displayed", line.displayed)
         self.end = line
         correct = self.trial().correct
         if line.correct is not None and line.correct != correct:
