@@ -5,9 +5,10 @@ Colours are Okabe and Ito's, which the colour-blind tell apart; arms differ in l
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import matplotlib
 import numpy as np
@@ -35,12 +36,26 @@ STYLE: Any = {
 }
 
 
+Drawing = ParamSpec("Drawing")
+Drawn = TypeVar("Drawn")
+
+
+def styled(draw: Callable[Drawing, Drawn]) -> Callable[Drawing, Drawn]:
+    """Draw with the house style, and leave matplotlib's settings as they were."""
+
+    @wraps(draw)
+    def in_style(*args: Drawing.args, **kwargs: Drawing.kwargs) -> Drawn:
+        with matplotlib.rc_context(STYLE):
+            return draw(*args, **kwargs)
+
+    return in_style
+
+
 def axes_or_new(ax: Axes | None, width: float = 5.2, height: float = 3.4) -> Axes:
     """`ax`, or the Axes of a new figure of this size in inches, not registered with pyplot."""
     if ax is not None:
         return ax
-    with matplotlib.rc_context(STYLE):
-        return Figure(figsize=(width, height)).add_subplot()
+    return Figure(figsize=(width, height)).add_subplot()
 
 
 def style_of(place: int) -> dict[str, Any]:
@@ -65,6 +80,7 @@ def approval_after(top: TableTop, seconds: ArrayLike, cue: str = "on") -> Floats
     return np.asarray(probability)
 
 
+@styled
 def table_top(
     models: Mapping[str, TeacherModel],
     state: str,
@@ -101,26 +117,26 @@ def _table_top_line(top: TableTop, since: Floats, cue: str) -> Floats:
     return np.where(since < 0, before, approval_after(top, np.maximum(since, 0), cue))
 
 
+@styled
 def table_tops(models: Mapping[str, TeacherModel], truths: Sequence[TeacherModel] = ()) -> Figure:
     """All table-tops of all models, overlaid: a row for each mental state, cue on and cue off."""
     states = list(dict.fromkeys(state for model in models.values() for state in model.approvals))
     tops = [top for model in models.values() for top in model.approvals.values()]
     longest = max(top.delay + max(top.rise, top.fall) for top in tops)
     seconds = float(np.clip(np.ceil(longest) + 1, 4, 12))
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(8.6, 2.3 * len(states) + 0.6))
-        grid = figure.subplots(len(states), 2, sharex="col", sharey="row", squeeze=False)
-        for row, state in zip(grid, states, strict=True):
-            for ax, cue in zip(row, ("on", "off"), strict=True):
-                table_top(models, state, cue, ax, seconds=seconds, truths=truths)
-                if row is not grid[-1]:
-                    ax.set_xlabel("")
-            cues = {model.approvals[state].cue for model in models.values() if state in model.approvals}
-            row[0].set_ylabel("P per step")
-            row[0].set_title(f"{state}, cue {' or '.join(sorted(cues))}")
-        handles, labels = grid[0, 1].get_legend_handles_labels()
-        order = sorted(range(len(labels)), key=lambda place: labels[place] == "true teachers")
-        grid[0, 1].legend([handles[n] for n in order], [labels[n] for n in order], loc="upper right")
+    figure = Figure(figsize=(8.6, 2.3 * len(states) + 0.6))
+    grid = figure.subplots(len(states), 2, sharex="col", sharey="row", squeeze=False)
+    for number, (row, state) in enumerate(zip(grid, states, strict=True), start=1):
+        for ax, cue in zip(row, ("on", "off"), strict=True):
+            table_top(models, state, cue, ax, seconds=seconds, truths=truths)
+            if number < len(states):
+                ax.set_xlabel("")
+        cues = {model.approvals[state].cue for model in models.values() if state in model.approvals}
+        row[0].set_ylabel("P per step")
+        row[0].set_title(f"{state}, cue {' or '.join(sorted(cues))}")
+    handles, labels = grid[0, 1].get_legend_handles_labels()
+    order = sorted(range(len(labels)), key=lambda place: labels[place] == "true teachers")
+    grid[0, 1].legend([handles[n] for n in order], [labels[n] for n in order], loc="upper right")
     return figure
 
 
@@ -143,6 +159,7 @@ def table_top_rows(models: Mapping[str, TeacherModel], seconds: float = 12.0) ->
     ]
 
 
+@styled
 def time_to_final(loop: ClosedLoop, ax: Axes | None = None) -> Axes:
     """Share of trials in which the right Final (bold), and any Final (thin), was shown by a time."""
     ax = axes_or_new(ax, 6.2, 3.8)
@@ -179,6 +196,7 @@ def entropy_quantiles(loop: ClosedLoop, arm: str) -> tuple[Floats, Floats]:
     return time, np.asarray(np.quantile(filled, [0.25, 0.5, 0.75], axis=0), dtype=np.float64)
 
 
+@styled
 def entropy_over_time(loop: ClosedLoop, ax: Axes | None = None) -> Axes:
     """Median and quartiles, over the trials, of the entropy of the belief over tasks."""
     ax = axes_or_new(ax, 6.2, 3.8)
@@ -208,13 +226,13 @@ def entropy_rows(loop: ClosedLoop) -> list[dict[str, Any]]:
     ]
 
 
+@styled
 def save(figure: Figure | Axes, path: Path, rows: Sequence[Mapping[str, Any]]) -> list[Path]:
     """Write a figure, and the numbers behind it as CSV beside it; gives the paths written."""
     drawn = figure.get_figure(root=True) if isinstance(figure, Axes) else figure
     if drawn is None:
         raise ValueError(f"{path}: these Axes belong to no figure")
-    with matplotlib.rc_context(STYLE):
-        drawn.savefig(path, metadata={"Software": None} if path.suffix == ".png" else None)
+    drawn.savefig(path, metadata={"Software": None} if path.suffix == ".png" else None)
     table = path.with_suffix(".csv")
     table.write_text(csv_text(rows), encoding="utf-8")
     return [path, table]

@@ -6,17 +6,17 @@ Source: the paper, figures of the task marginals, of the mistake recovery, and o
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from learn.plots import COLOURS, STYLE, axes_or_new
+from learn.plots import COLOURS, axes_or_new, styled
 from taskcomm.replay import BeliefPath, PressReason
 
 NAMES = {"mov": "ball to move", "wrt": "with respect to ball", "dist": "at distance"}
 
 
+@styled
 def marginal_over_time(
     path: BeliefPath, field: str | None, ax: Axes | None = None, truth: Any = None
 ) -> Axes:
@@ -52,6 +52,7 @@ def mark_presses(path: BeliefPath, ax: Axes) -> None:
     ax.set_xlim(0, path.time[-1] if len(path.time) > 1 else 1)
 
 
+@styled
 def entropy_of_path(path: BeliefPath, ax: Axes | None = None) -> Axes:
     """Entropy of the belief over tasks, in nats, over time."""
     ax = axes_or_new(ax, 7, 2)
@@ -63,6 +64,7 @@ def entropy_of_path(path: BeliefPath, ax: Axes | None = None) -> Axes:
     return ax
 
 
+@styled
 def reasons_of_presses(reasons: Sequence[PressReason], ax: Axes | None = None) -> Axes:
     """For each press, P(mental state) at once (left bar) and with the whole trial known (right bar)."""
     ax = axes_or_new(ax, 7, 2)
@@ -80,10 +82,12 @@ def reasons_of_presses(reasons: Sequence[PressReason], ax: Axes | None = None) -
                 alpha=0.55 if when == "at_once" else 1.0,
                 label=state if when == "at_end" else None,
             )
+    crowded = len(reasons) > 8
     for number, reason in enumerate(reasons):
-        if reason.noted is not None:
+        if reason.noted is not None and not crowded:
             ax.text(number, 1.03, f"truly {reason.noted}", ha="center", va="bottom", fontsize=7.5)
-    ax.set_xticks(range(len(reasons)), [f"{reason.time:g} s" for reason in reasons])
+    labels = [f"{reason.time:g}" if crowded else f"{reason.time:g} s" for reason in reasons]
+    ax.set_xticks(range(len(reasons)), labels, fontsize=7 if crowded else None)
     ax.set_xlim(-0.6, max(len(reasons), 1) - 0.4)
     ax.set_ylim(0, 1.18)
     ax.set_yticks([0, 0.5, 1])
@@ -94,21 +98,21 @@ def reasons_of_presses(reasons: Sequence[PressReason], ax: Axes | None = None) -
     return ax
 
 
+@styled
 def replay_figure(
     path: BeliefPath, reasons: Sequence[PressReason], truth: Any = None, title: str = ""
 ) -> Figure:
     """Marginals, entropy and reasons of presses of one trial, one above the other."""
     fields: tuple[str | None, ...] = path.fields or (None,)
     panels = len(fields) + 1 + bool(reasons)
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(8.6, 1.75 * panels + 0.4))
-        axes = figure.subplots(panels, 1, squeeze=False)[:, 0]
-        for ax, field in zip(axes, fields, strict=False):
-            part = truth if field is None or truth is None else getattr(truth, field)
-            marginal_over_time(path, field, ax, part)
-        entropy_of_path(path, axes[len(fields)]).set_xlabel("seconds (grey lines: presses)")
-        if reasons:
-            reasons_of_presses(reasons, axes[-1])
-        if title:
-            figure.suptitle(title, fontsize=11, x=0.01, ha="left")
+    figure = Figure(figsize=(8.6, 1.75 * panels + 0.4))
+    axes = figure.subplots(panels, 1, squeeze=False)[:, 0]
+    for ax, field in zip(axes, fields, strict=False):
+        part = truth if field is None or truth is None else getattr(truth, field)
+        marginal_over_time(path, field, ax, part)
+    entropy_of_path(path, axes[len(fields)]).set_xlabel("seconds (grey lines: presses)")
+    if reasons:
+        reasons_of_presses(reasons, axes[-1])
+    if title:
+        figure.suptitle(title, fontsize=11, x=0.01, ha="left")
     return figure

@@ -199,21 +199,21 @@ def _spread(option: str, arguments: Sequence[str]) -> list[str]:
     ['--models', 'a', '--models', 'b', '--out', 'c']
     """
     spread: list[str] = []
-    taking = given = False
+    values = -1  # how many the option has taken; below 0 outside of it
     for argument in arguments:
         if argument.startswith("-"):
-            taking, given = argument == option, False
-        elif taking and given:
-            spread.append(option)
-        given = taking
+            values = 0 if argument == option else -1
+        elif values >= 0:
+            spread += [option] if values else []
+            values += 1
         spread.append(argument)
     return spread
 
 
 def _code_of(error: Exception) -> int | None:
     """The exit code of an error that is the user's to mend, or None for one of ours."""
-    from taskcomm.belief import ImpossibleObservation
     from taskcomm import LogError
+    from taskcomm.belief import ImpossibleObservation
     from taskcomm.teacher import ModelError
     from taskcomm.world import InvalidAction
 

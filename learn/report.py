@@ -1,0 +1,214 @@
+"""A comparison in Markdown, section by section."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from learn.bootstrap import Interval
+from learn.calibration import Calibration
+from learn.compare import Comparison
+from learn.held_out import BLIND, LEARNED
+
+if TYPE_CHECKING:
+    from learn.result import FitResult
+
+
+def report(found: Comparison, *, title: str, intro: str = "", outro: str = "") -> str:
+    """The report of a comparison; figures and tables are named as `learn.outcome_files` writes them."""
+    sections = (
+        f"# {title}",
+        intro,
+        _data(found),
+        _fit(found),
+        _held_out(found),
+        _decisions(found),
+        _closed_loop(found),
+        _calibration(found),
+        outro,
+    )
+    return "\n\n".join(section for section in sections if section) + "\n"
+
+
+def markdown_table(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    """Rows as a Markdown table, all columns but the first to the right.
+
+    >>> print(markdown_table(["model", "nats"], [["a", 1.5]]))
+    | model | nats |
+    | --- | ---: |
+    | a | 1.5 |
+    """
+    lines = [columns, ["---", *["---:"] * (len(columns) - 1)], *rows]
+    return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
+
+
+def span(value: Interval, form: str = ".2f") -> str:
+    """An estimate with its interval, or `none`.
+
+    >>> span(Interval(0.5, 0.25, 1.0, groups=9))
+    '0.50 (0.25 to 1.00)'
+    """
+    if value.estimate != value.estimate:
+        return "none"
+    return f"{value.estimate:{form}} ({value.low:{form}} to {value.high:{form}})"
+
+
+def source_sentence(sources: Sequence[str]) -> str:
+    """What a reader must know of where the trials come from."""
+    if tuple(sources) == ("simulated",):
+        return "**These trials are simulated**: no person took part in any of them."
+    if "simulated" in sources:
+        return f"**Some of these trials are simulated** (sources: {', '.join(sources)})."
+    return f"Source of the trials: {', '.join(sources)}."
+
+
+def parameter_table(fitted: "FitResult") -> tuple[list[str], list[list[str]]]:
+    """Columns and rows of a fit: each parameter before and after, and what informed it."""
+    start = "intuitive" if fitted.initial.provenance.get("made_by") == "TeacherModel.intuitive" else "initial"
+    rows = [
+        [row.parameter, *(f"{x:.4g}" for x in row[1:3]), f"{row.presses:.1f}", f"{row.steps:.0f}", row.mark]
+        for row in fitted.table()
+    ]
+    return ["parameter", start, "learned", "presses", "steps", "mark"], rows
+
+
+def _text(*sentences: str) -> str:
+    return " ".join(sentence for sentence in sentences if sentence)
+
+
+def _data(found: Comparison) -> str:
+    return _text(
+        source_sentence(found.sources),
+        f"{found.trials} trials, {found.people} people, {found.presses} presses.",
+        "Intervals are 95% bootstrap intervals that resample people whole (simulated teachers, in the",
+        "closed loop).",
+    )
+
+
+def _fit(found: Comparison) -> str:
+    fitted = found.fitted
+    state = "converged" if fitted.converged else "**did not converge**"
+    about = _text(
+        f"Fitted to all trials; the fit {state}, at a log-likelihood of {fitted.log_likelihood:.2f} nats.",
+        "Probabilities are per step, times in seconds; presses and steps are the expected numbers of",
+        "those that informed a parameter.",
+    )
+    caption = _text(
+        "The probability of each mental state per step, since its cue went on (left, from level 0) and",
+        "off (right, from level 1). Numbers: `table-tops.csv`.",
+    )
+    remarks = "\n".join(f"- {remark}" for remark in fitted.remarks)
+    parts = [
+        "## The learned teacher",
+        about,
+        markdown_table(*parameter_table(fitted)),
+        remarks,
+        "![table-tops](table-tops.png)",
+        caption,
+    ]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _held_out(found: Comparison) -> str:
+    scored, base = found.held_out, found.baseline
+    rows = []
+    for arm in scored.arms:
+        inside = int(scored.in_sample[arm].sum())
+        mark = f" (in-sample: {inside} of {found.trials} trials)" if inside else ""
+        gains = ["", ""]
+        if arm != base:
+            gains = [span(scored.per_trial(arm, base)), span(scored.per_press(arm, base), ".3f")]
+        total = f"{scored.log_likelihood[arm].sum():.1f}"
+        rows.append([arm + mark, total, span(scored.per_trial(arm)), *gains])
+    columns = ["model", "log-likelihood", "per trial", f"per trial, minus {base}", f"per press, minus {base}"]
+    failed = scored.converged.count(False)
+    about = _text(
+        "Log-likelihood in nats of the presses, given the task cards.",
+        f"`{LEARNED}` is refitted {len(scored.learned)} times, each time without the people it is scored on.",
+        f"**{failed} of these fits did not converge.**" if failed else "",
+        f"`{BLIND}` is an HMM of the presses alone, refitted likewise." if BLIND in scored.arms else "",
+        "Figures marked in-sample are of a model that was fitted to some of these very trials: too good."
+        if any(marks.any() for marks in scored.in_sample.values())
+        else "",
+    )
+    return "\n\n".join(
+        ["## Foreseeing the presses", about, markdown_table(columns, rows), "Trial by trial: `held-out.csv`."]
+    )
+
+
+def _decisions(found: Comparison) -> str:
+    if not found.disagreement:
+        return ""
+    rows = [
+        [arm, len(d.differs), d.walking, span(d.share), span(d.mean_loss, ".4f")]
+        for arm, d in found.disagreement.items()
+    ]
+    horizon = next(iter(found.disagreement.values())).horizon
+    about = _text(
+        f"At moments drawn from the logs: the planner (horizon {horizon}) with each model, held against the",
+        f"planner with `{LEARNED}`. A decision differs if its action is none of those that are best, or",
+        f"tied, under `{LEARNED}`; lost is the expected total entropy over the horizon that its action",
+        "costs more than the best, averaged over all decisions. Moments at which either robot would be sure",
+        "already, and walk to the goal, are left out.",
+    )
+    columns = ["planner with", "decisions", "left out", "share that differ", "entropy lost (nats)"]
+    return "\n\n".join(["## What the planner would do", about, markdown_table(columns, rows)])
+
+
+def _closed_loop(found: Comparison) -> str:
+    loop, base = found.loop, found.baseline
+    if loop is None:
+        return ""
+    rows = []
+    for arm in loop.arms:
+        ratio = "" if arm == base else span(loop.time_ratio(arm, base))
+        gain = "" if arm == base else span(loop.difference(arm, base, "correct"), ".3f")
+        time, presses = (span(loop.mean(arm, what), ".1f") for what in ("time", "presses"))
+        right, late = span(loop.mean(arm, "correct"), ".3f"), int(loop.timeout(arm).sum())
+        rows.append([arm, time, ratio, right, gain, late, presses])
+    columns = ["robot", "mean time (s)", f"time / {base}", "share right", f"right, minus {base}"]
+    columns += ["timeouts", "presses"]
+    about = _text(
+        f"{loop.trials} simulated trials of every robot. The simulated teachers: {found.truth}.",
+        "Each trial has the same task and the same draws for every robot.",
+        f"Planner horizon {loop.settings['horizon']}, Final above {loop.settings['threshold']:g}, timeout",
+        f"after {loop.settings['max_steps']} steps, counted at its length and as not right.",
+    )
+    return "\n\n".join(
+        [
+            "## Robots in a closed loop",
+            about,
+            markdown_table(columns, rows),
+            "![time to Final](time-to-final.png)",
+            "Numbers: `time-to-final.csv`.",
+            "![entropy over time](entropy.png)",
+            "Numbers: `entropy.csv`.",
+        ]
+    )
+
+
+def _calibration(found: Comparison) -> str:
+    parts: tuple[tuple[str, Mapping[str, Calibration]], ...] = (
+        ("logs", found.calibration),
+        ("closed loop", found.loop_calibration),
+    )
+    rows, threshold = [], 0.98
+    for where, judged in parts:
+        for arm, c in judged.items():
+            threshold = c.threshold
+            said = f"{c.said:.3f}" if c.sure else "none"
+            rows.append([f"{arm}, {where}", f"{c.sure} of {c.trials}", said, span(c.right, ".3f")])
+    if not rows:
+        return ""
+    about = _text(
+        f"At the first moment of a trial at which the likeliest task passed {threshold:g}: the mean",
+        "probability it then had, and the share of trials in which it was the teacher's. On the logs, the",
+        "belief follows what was done there, whoever moved the robot.",
+    )
+    columns = ["model", f"trials that passed {threshold:g}", "said", "was right"]
+    return "\n\n".join(
+        [
+            "## Is it right when it says so",
+            about,
+            markdown_table(columns, rows),
+            "For all probabilities, in ranges: `calibration.csv`.",
+        ]
+    )
