@@ -22,10 +22,14 @@ def worlds(max_balls: int = 4, max_distances: int = 4) -> st.SearchStrategy[Ball
 
 @st.composite
 def walks(draw: st.DrawFn, world: World, max_steps: int) -> list[tuple[Any, Hashable]]:
-    """(action, state reached) for each step of a random walk of 1 to `max_steps` valid actions."""
+    """(action, state reached) for each step of a random walk of 1 to `max_steps` valid actions.
+
+    Every second action or so is the first in canonical order, `noa`, so that cues stay on a while.
+    """
     state, walk = world.start(), []
     for _ in range(draw(st.integers(1, max_steps))):
-        action = draw(st.sampled_from(world.actions(state)))
+        actions = world.actions(state)
+        action = actions[max(0, draw(st.integers(-len(actions), len(actions) - 1)))]
         state = world.step(state, action)
         walk.append((action, state))
     return walk

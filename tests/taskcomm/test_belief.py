@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import plainfilter
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -84,6 +85,16 @@ def test_the_papers_world_is_that_of_enumeration(delay: float, rise: float, fall
     weights = np.array(joint(PAPER, model, states, pressed, [1 / 24] * 24))
     belief, _ = followed(Belief.initial(PAPER, model), states, pressed)
     np.testing.assert_allclose(belief.marginal(), weights / weights.sum(), rtol=0, atol=1e-12)
+
+
+@given(models(), st.data())
+def test_a_long_trial_is_that_of_the_plain_filter(model: TeacherModel, data: st.DataObject) -> None:
+    walk = data.draw(walks(SMALL, 40))
+    at = data.draw(st.sets(st.integers(0, len(walk) - 1), max_size=7))
+    states, pressed = [state for _, state in walk], [step in at for step in range(len(walk))]
+    belief, _ = followed(Belief.initial(SMALL, model), states, pressed)
+    expected = plainfilter.marginal(SMALL, model, states, pressed)
+    np.testing.assert_allclose(belief.marginal(), expected, rtol=0, atol=1e-12)
 
 
 def test_a_press_under_a_light_asks_for_that_ball() -> None:
