@@ -27,7 +27,8 @@ cache does not see changes in another.
 """
 
 import numpy as np
-from numba import njit
+
+from taskcomm.compiling import kernel
 
 PEAK, UP, DOWN, FIRST_UP, FIRST_DOWN, FIRST, LAST, LATE, DECAY, HOLD = range(10)  # columns of top
 MASS, HIGHEST, OTHERS, BEST, INFORMATION, CAPACITY, REACHED = range(7)  # columns of gain
@@ -36,7 +37,7 @@ COST, CUTOFF, SLACK, LEAST, ROOM, LEAST_PRESS, VALUE = range(7)  # columns of re
 START, STOP, STEPS, SINCE, AT, PHASE, SILENT_START, PRESS_STOP = range(8)  # columns of whole
 ENTER, AFTER_SILENT, AFTER_PRESS = range(3)  # phases
 
-_kernel = njit(cache=True, nogil=True, error_model="numpy")
+_kernel = kernel(__name__, "the planner's search")
 
 
 @_kernel
