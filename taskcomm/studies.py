@@ -27,6 +27,7 @@ from taskcomm.trials import Trial
 from taskcomm.world import BallWorld
 
 SEED = 2012
+MISTAKEN = Task(3, 2, 2)
 WORLD = BallWorld()
 # Medians over teachers, by approval state: peak, rise (s), fall (s); then the spread of their logarithms.
 MEDIANS = {"that_mov": (0.22, 1.0, 1.0), "that_wrt": (0.18, 1.4, 1.0), "that_dist": (0.15, 1.0, 1.4)}
@@ -131,6 +132,17 @@ def large_sessions() -> list[Session]:
     for number in range(1, 101):
         sessions += _pair("large", number, teacher, 3, np.random.default_rng((SEED, 1000 + number)))
     return sessions
+
+
+def mistake_trial(seed: int = 0, task: Task = MISTAKEN, horizon: int = 3) -> Trial:
+    """The paper's mistake: a press forced in the step that ends at 3 s, while ball 1 is lit.
+
+    The task has nothing to do with ball 1. Robot and teacher both have the intuitive model.
+    """
+    model = TeacherModel.intuitive()
+    teacher = SimulatedTeacher(WORLD, model, task, forced={5: "mistake"})
+    robot = Robot(WORLD, model, EntropyPlanner(WORLD, model, horizon=horizon))
+    return run_trial(robot, teacher, np.random.default_rng(seed), trial_id=f"mistake-{seed}")
 
 
 def write_study(folder: Path) -> None:
