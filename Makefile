@@ -29,7 +29,7 @@ demo: $(READY)  ## learn a teacher from the logged trials and compare the robots
 	$(BIN)/taskcomm demo --out demo-results
 
 test: $(READY)  ## every test but the long ones
-	$(PYTEST) -n auto
+	$(PYTEST) -n auto --dist worksteal
 
 lint: $(READY)  ## formatting and lint
 	$(BIN)/ruff format --check .
@@ -44,10 +44,10 @@ layers: $(READY)  ## who may import whom
 check: lint types layers test  ## lint, types, layers and tests
 
 verify: $(READY)  ## the long tests: thousands of comparisons, closed-loop studies
-	$(PYTEST) -n auto -m verify --hypothesis-profile verify
+	$(PYTEST) -n auto --dist worksteal -m verify --hypothesis-profile verify
 
 bench: $(READY)  ## timings, each a ratio between two ways
-	$(PYTEST) tests/benchmarks -o python_files='bench_*.py'
+	$(PYTEST) tests/benchmarks -o python_files='bench_*.py' -o python_functions='bench_*'
 
 clean:  ## remove .venv and everything made
 	rm -rf $(VENV) demo-results build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis \
