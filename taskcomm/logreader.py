@@ -57,6 +57,8 @@ class LogReader:
         self.notices: list[Finding] = []
         self.torn: list[Finding] = []
         self._given, self._strict = world, strict
+        self._path = ""
+        self._line: int | None = None
         self._worlds: dict[str, WorldIndex] = {}
         self._trials: dict[str, _OpenTrial | None] = {}
         self._noticed: set[tuple[str, str]] = set()
@@ -68,13 +70,20 @@ class LogReader:
     def read(self, path: Path) -> None:
         """Read one file, .jsonl or .jsonl.gz."""
         self._path, self._line = str(path), None
-        self._opened: list[_OpenTrial] = []
         try:
-            lines = _bytes_of(path).removeprefix(b"\xef\xbb\xbf").split(b"\n")
-            if not any(line.strip() for line in lines):
-                raise LineError("empty: a log holds at least one line")
+            content = _bytes_of(path)
         except LineError as error:
             self._problem(str(error))
+            return
+        self.read_bytes(str(path), content)
+
+    def read_bytes(self, name: str, content: bytes) -> None:
+        """Read the unpacked content of a log, called `name` in what is found."""
+        self._path, self._line = name, None
+        self._opened: list[_OpenTrial] = []
+        lines = content.removeprefix(b"\xef\xbb\xbf").split(b"\n")
+        if not any(line.strip() for line in lines):
+            self._problem("empty: a log holds at least one line")
             return
         for number, text in enumerate(lines, 1):
             self._line = number

@@ -88,21 +88,23 @@ def write_trials(trials: Iterable[Trial], path: str | os.PathLike[str]) -> None:
     """Write the trials to one file, gzipped where `path` ends in .gz; the same trials, the same bytes.
 
     An existing file is replaced whole or left as it was. Raises LogError for no trials, two of one
-    id, a trial that its world does not allow, or a place that cannot be written.
+    id, a trial that could not be read again, or a place that cannot be written.
     """
     path = Path(path)
-    contents, names = [], set()
+    contents: dict[str, bytes] = {}
+    readers: dict[int, LogReader] = {}
     for trial in trials:
-        if trial.trial_id in names:
-            raise LogError(f"{path}: trial {trial.trial_id!r} is there twice")
-        names.add(trial.trial_id)
+        name = trial.trial_id
+        if name in contents:
+            raise LogError(f"{path}: trial {name!r} is there twice")
+        reader = readers.setdefault(id(trial.world), LogReader(trial.world, strict=False))
         try:
-            contents.append(trial_bytes(trial))
+            contents[name] = _readable(trial, reader)
         except (ValueError, TypeError) as error:
-            raise LogError(f"{path}: trial {trial.trial_id!r} cannot be written: {error}") from None
-    if not names:
+            raise LogError(f"{path}: trial {name!r} cannot be written: {error}") from None
+    if not contents:
         raise LogError(f"{path}: no trials to write")
-    content = b"".join(contents)
+    content = b"".join(contents.values())
     if path.name.endswith(".gz"):
         content = gzip.compress(content, mtime=0)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
@@ -115,13 +117,20 @@ def write_trials(trials: Iterable[Trial], path: str | os.PathLike[str]) -> None:
         _forget(part)
 
 
+def _readable(trial: Trial, reader: LogReader) -> bytes:
+    content = trial_bytes(trial)
+    reader.read_bytes(trial.trial_id, content)
+    if reader.problems:
+        raise LogError(f"line {reader.problems[0].line}: {reader.problems[0].reason}")
+    return content
+
+
 def trial_bytes(trial: Trial) -> bytes:
     """The lines of one trial, as they stand in a log."""
     return b"".join(map(encode, _lines(trial)))
 
 
 def _lines(trial: Trial) -> Iterator[dict[str, Any]]:
-    _ = trial.states  # an action that is not valid is an error here
     kinds = (("event", trial.events), ("rating", trial.ratings), ("label", trial.labels))
     extras = [{"type": kind} | dict(line) for kind, lines in kinds for line in lines]
     placed = {line["seq"]: line for line in extras if "seq" in line}

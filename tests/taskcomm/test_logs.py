@@ -482,7 +482,7 @@ def test_a_file_is_replaced_whole_or_left_as_it_was(tmp_path: Path) -> None:
     before = path.read_bytes()
     bad = replace(played("b"), steps=played().steps[::-1])
     with pytest.raises(
-        LogError, match=r"a.jsonl: trial 'b' cannot be written: slide\(1, 4, 2\) is not valid"
+        LogError, match=r"trial 'b' cannot be written: line 3: action: slide\(1, 4, 2\) is not valid"
     ):
         write_trials([played("c"), bad], path)
     with pytest.raises(LogError, match="trial 'c' is there twice"):
@@ -493,6 +493,31 @@ def test_a_file_is_replaced_whole_or_left_as_it_was(tmp_path: Path) -> None:
     write_trials([played("d")], path)
     assert [trial.trial_id for trial in read_trials(path)] == ["d"]
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.jsonl"]
+
+
+UNFIT: dict[str, tuple[Callable[[Trial], Trial], str]] = {
+    "a source of no kind": (lambda t: replace(t, source="dream"), r"line 1: trial_start line: source: "),
+    "a card of no kind": (lambda t: replace(t, task="soup"), r"line 1: task card: \{'name': 'soup'\}"),
+    "a label of no press": (
+        lambda t: replace(t, labels=({"press_seq": 1, "mental_state": "mistake"},)),
+        r"line 8: press_seq: line 1 of this trial is no step with a press",
+    ),
+    "a rating of nothing": (lambda t: replace(t, ratings=({"value": 3},)), r"line 8: rating line: `item` is"),
+    "a value that is no JSON": (
+        lambda t: replace(t, events=({"x": object()},)),
+        r"encoding objects of type object",
+    ),
+    "no time": (lambda t: replace(t, dt=float("inf")), r"line 1: trial_start line: dt: "),
+    "a final that shows nothing": (lambda t: replace(t, displayed=None), r"line 7: displayed: "),
+}
+
+
+@pytest.mark.parametrize("name", UNFIT)
+def test_what_could_not_be_read_again_is_not_written(tmp_path: Path, name: str) -> None:
+    change, message = UNFIT[name]
+    with pytest.raises(LogError, match=f"a.jsonl: trial 'a' cannot be written: (?i:{message})"):
+        write_trials([change(played())], tmp_path / "a.jsonl")
+    assert [*tmp_path.iterdir()] == []
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
