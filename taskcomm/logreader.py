@@ -8,23 +8,10 @@ from typing import Any
 
 import msgspec
 
-from taskcomm.loglines import (
-    EventLine,
-    LabelLine,
-    Line,
-    LineError,
-    RatingLine,
-    ResumeLine,
-    StepLine,
-    TaskPart,
-    TrialEnd,
-    TrialStart,
-    decode,
-    known_keys,
-    structure,
-)
+from taskcomm.loglines import Line, LineError, TrialStart, decode, known_keys, structure
+from taskcomm.logtrial import OpenTrial
 from taskcomm.logworld import WorldIndex, world_of
-from taskcomm.trials import Step, Trial
+from taskcomm.trials import Trial
 from taskcomm.world import World
 
 
@@ -60,7 +47,7 @@ class LogReader:
         self._path = ""
         self._line: int | None = None
         self._worlds: dict[str, WorldIndex] = {}
-        self._trials: dict[str, _OpenTrial | None] = {}
+        self._trials: dict[str, OpenTrial | None] = {}
         self._noticed: set[tuple[str, str]] = set()
 
     def trials(self) -> list[Trial]:
@@ -80,7 +67,7 @@ class LogReader:
     def read_bytes(self, name: str, content: bytes) -> None:
         """Read the unpacked content of a log, called `name` in what is found."""
         self._path, self._line = name, None
-        self._opened: list[_OpenTrial] = []
+        self._opened: list[OpenTrial] = []
         lines = content.removeprefix(b"\xef\xbb\xbf").split(b"\n")
         if not any(line.strip() for line in lines):
             self._problem("empty: a log holds at least one line")
@@ -155,7 +142,7 @@ class LogReader:
         key = repr(sorted(line.world.items()))
         if key not in self._worlds:
             self._worlds[key] = WorldIndex(world_of(line.world, self._given))
-        part = _OpenTrial(line, self._worlds[key], f"{self._path}:{self._line}")
+        part = OpenTrial(line, self._worlds[key], f"{self._path}:{self._line}")
         self._trials[line.trial_id] = part
         self._opened.append(part)
 
@@ -165,100 +152,6 @@ class LogReader:
             part.broken = True
         elif isinstance(name, str):
             self._trials[name] = None
-
-
-class _OpenTrial:
-    """A trial being read. Line numbers in it leave out lines of unknown type."""
-
-    def __init__(self, start: TrialStart, index: WorldIndex, place: str) -> None:
-        self.start, self.index, self.place = start, index, place
-        self.task = self._task("task card", start.task)
-        self.state: Any = index.world.start()
-        self.broken = False
-        self.next_seq = 0
-        self.places: dict[int, int] = {}  # seq in the file -> place among the lines that are known
-        self.presses: dict[int, bool] = {}  # seq in the file -> pressed
-        self.steps: list[Step] = []
-        self.end: TrialEnd | None = None
-        self.displayed: Any = None
-        self.extras: dict[str, list[dict[str, Any]]] = {"events": [], "ratings": [], "labels": []}
-
-    def add(self, seq: int, line: Line | None, document: dict[str, Any]) -> None:
-        """Take in the next line of this trial, or raise LineError."""
-        if seq != self.next_seq:
-            raise LineError(f"seq: {seq} where {self.next_seq} was due; lines are missing or out of order")
-        self.next_seq += 1
-        if line is None:
-            return
-        self.places[seq] = place = len(self.places)
-        if isinstance(line, StepLine):
-            self._add_step(line)
-        elif isinstance(line, TrialEnd):
-            self._add_end(line)
-        elif isinstance(line, LabelLine):
-            if not self.presses.get(line.press_seq):
-                raise LineError(f"press_seq: line {line.press_seq} of this trial is no step with a press")
-            changed = {"seq": place, "press_seq": self.places[line.press_seq]}
-            self.extras["labels"].append(_body(document) | changed)
-        elif isinstance(line, RatingLine):
-            self.extras["ratings"].append(_body(document) | {"seq": place})
-        elif isinstance(line, (EventLine, ResumeLine)):
-            kind = {"type": "resume"} if isinstance(line, ResumeLine) else {}
-            self.extras["events"].append(kind | _body(document) | {"seq": place})
-
-    def _task(self, what: str, part: TaskPart | None) -> Any:
-        try:
-            return None if part is None else self.index.task(part)
-        except LineError as error:
-            raise LineError(f"{what}: {error}") from None
-
-    def _add_step(self, line: StepLine) -> None:
-        if self.end is not None:
-            raise LineError("step: it comes after the end of its trial")
-        if line.t != len(self.steps):
-            raise LineError(f"t: {line.t} where {len(self.steps)} was due; steps are missing or out of order")
-        action, self.state = self.index.step(self.state, line.action)
-        self.presses[line.seq] = line.press
-        self.steps.append(Step(action, line.press, line.action_source, line.mental_state, line.timing))
-
-    def _add_end(self, line: TrialEnd) -> None:
-        if self.end is not None:
-            raise LineError("trial_end: the trial has ended before")
-        if line.num_steps != len(self.steps):
-            raise LineError(f"num_steps: {line.num_steps}, but the trial has {len(self.steps)} steps")
-        if (line.displayed is None) == (line.reason == "final"):
-            raise LineError(
-                f"displayed: a trial that ends as {line.reason!r} shows "
-                f"{'a' if line.displayed is None else 'no'} task"
-            )
-        self.displayed = self._task("displayed", line.displayed)
-        self.end = line
-        correct = self.trial().correct
-        if line.correct is not None and line.correct != correct:
-            raise LineError(f"correct: {line.correct}, but card and displayed task say {correct}")
-
-    def trial(self) -> Trial:
-        """What has been read."""
-        start: dict[str, Any] = {
-            name: getattr(self.start, name)
-            for name in self.start.__struct_fields__
-            if name not in ("seq", "schema", "world", "task")
-        }
-        return Trial(
-            world=self.index.world,
-            task=self.task,
-            steps=tuple(self.steps),
-            reason=None if self.end is None else self.end.reason,
-            displayed=self.displayed,
-            events=tuple(self.extras["events"]),
-            ratings=tuple(self.extras["ratings"]),
-            labels=tuple(self.extras["labels"]),
-            **start,
-        )
-
-
-def _body(document: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in document.items() if key not in ("type", "trial_id")}
 
 
 def _bytes_of(path: Path) -> bytes:
