@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from taskcomm.logs import LogError as LogError
     from taskcomm.logs import read_trials as read_trials
     from taskcomm.logs import write_trials as write_trials
+    from taskcomm.operators import ScriptedOperator as ScriptedOperator
     from taskcomm.planner import Decision as Decision
     from taskcomm.planner import EntropyPlanner as EntropyPlanner
     from taskcomm.robot import Final as Final
@@ -51,7 +52,6 @@ if TYPE_CHECKING:
     from taskcomm.teacher import TableTop as TableTop
     from taskcomm.teacher import TeacherModel as TeacherModel
     from taskcomm.trials import Trial as Trial
-    from taskcomm.operators import ScriptedOperator as ScriptedOperator
     from taskcomm.world import Action as Action
     from taskcomm.world import BallState as BallState
     from taskcomm.world import BallWorld as BallWorld
