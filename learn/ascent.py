@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taskcomm.lattice import Floats
+from taskcomm.lattice import Bools, Floats
 
 Function = Callable[[Floats], tuple[float, Floats]]
 ENOUGH_RISE, LESS_STEEP = 1e-4, 0.5
@@ -68,7 +68,7 @@ def _step(function: Function, climb: Climb, least: Floats, most: Floats, gain: f
     if size == 0.0 or not math.isfinite(size):
         return None
     metric = np.eye(len(rates)) * (0.3 / size) if climb.metric is None else climb.metric
-    direction = free * (metric @ rates)
+    direction = _direction(metric, rates, free > 0)
     if not float(direction @ rates) > 0.0:
         return None
     longest = float(np.abs(direction).max())
@@ -78,6 +78,17 @@ def _step(function: Function, climb: Climb, least: Floats, most: Floats, gain: f
         return None
     found.metric = _updated(climb, found, climb.metric)
     return found
+
+
+def _direction(metric: Floats, rates: Floats, free: Bools) -> Floats:
+    """The quasi-Newton step of the free coordinates, the others held where they are."""
+    direction = np.zeros_like(rates)
+    inner = metric[np.ix_(free, free)]
+    if not free.all():
+        across = metric[np.ix_(free, ~free)]
+        inner = inner - across @ np.linalg.pinv(metric[np.ix_(~free, ~free)]) @ across.T
+    direction[free] = inner @ rates[free]
+    return direction
 
 
 def _line_search(

@@ -12,7 +12,7 @@ from learn.coordinates import Bounds, Coordinates, model_at, names_of, vector_of
 from learn.estep import Evidence
 from learn.exposure import Exposure, FitError, expose
 from learn.mstep import MistakePrior, Objective, maximise
-from learn.optimum import TOLERANCE, across_breakpoints, climb_smoothly, one_sided_slopes, polish
+from learn.optimum import TOLERANCE, across_breakpoints, climb_smoothly, one_sided_slopes, polish, recombine
 from learn.result import FitResult, Start
 from learn.statistics import informed, marks_of, remarks_of, settle
 from taskcomm.lattice import Floats
@@ -138,13 +138,14 @@ def fit(
         path.em_alone = path.values[-1]
         if search:
             nudged = np.clip(path.point + rng.normal(0, 0.01, len(path.point)), space.least, space.most)
-            path.move(objective, climb_smoothly(objective, nudged))
+            path.move(objective, climb_smoothly(objective, nudged)[0])
         path.searched = path.values[-1]
         tell(number + 1, total)
-    best = int(np.argmax([path.values[-1] for path in paths]))
-    path = paths[best]
+    ends = np.array([path.values[-1] for path in paths])
+    best = int(np.flatnonzero(ends >= ends.max() - 1e-6)[0])
     if search:
-        _search(objective, path, max_iter, rtol)
+        others = [path.point for path in paths]
+        _search(objective, paths[best], others, max_iter, rtol, rng)
     tell(total - 1, total)
     settings = {
         "delays": delays, "starts": starts, "max_iter": max_iter, "rtol": rtol, "seed": seed,
@@ -182,14 +183,22 @@ def _prepare(
     return space, Objective(Evidence(exposure), base, space, mistake_prior), exposure
 
 
-def _search(objective: Objective, path: Path, max_iter: int, rtol: float) -> None:
-    """Breakpoints, polish and EM again, until none of them rises."""
+def _search(
+    objective: Objective,
+    path: Path,
+    others: list[Floats],
+    max_iter: int,
+    rtol: float,
+    rng: np.random.Generator,
+) -> None:
+    """Breakpoints, what other starts found, polish, and EM again, until none of them rises."""
     for _ in range(ROUNDS):
         before = path.values[-1]
         candidate, value = across_breakpoints(objective, path.point, before)
+        candidate, value = recombine(objective, candidate, value, others)
         if value > before:
             path.move(objective, candidate)
-        path.move(objective, polish(objective, path.point)[0])
+        path.move(objective, polish(objective, path.point, rng)[0])
         path.run(objective, max_iter, rtol)
         if path.values[-1] - before <= 10 * rtol * abs(before):
             break

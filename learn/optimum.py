@@ -91,34 +91,46 @@ def climb_line(value: Value, space: Coordinates, point: Floats, direction: Float
     return np.clip(point + best_length * direction, space.least, space.most), best
 
 
-def polish(objective: Objective, point: Floats, rounds: int = 60) -> tuple[Floats, Slopes]:
-    """Climb until no one-sided slope is above TOLERANCE, or for `rounds`; the point and its slopes."""
+def polish(
+    objective: Objective, point: Floats, rng: np.random.Generator, rounds: int = 40
+) -> tuple[Floats, Slopes]:
+    """Climb until no one-sided slope is above TOLERANCE, or for `rounds`; the point and its slopes.
+
+    Each round climbs from a point a little aside, since a climb that starts at a kink sees one side of
+    it only, and then along the steepest of the one-sided slopes.
+    """
     space = objective.space
-    point = climb_smoothly(objective, point)
+    point, value = climb_smoothly(objective, point)
     slopes = one_sided_slopes(objective.value, space, point)
-    for _ in range(rounds):
+    for number in range(rounds):
         if slopes.steepest <= TOLERANCE:
             break
-        direction = slopes.directions[int(slopes.slopes.argmax())]
-        before = objective.value(point)
-        moved, value = climb_line(objective.value, space, point, direction)
-        if not value > before:
-            break
-        point = climb_smoothly(objective, moved)
-        slopes = one_sided_slopes(objective.value, space, point)
+        before, aside = value, 10.0 ** -(2 + number % 4)
+        nudged = np.clip(point + rng.normal(0, aside, len(point)), space.least, space.most)
+        moved, there = climb_smoothly(objective, nudged)
+        if there > value:
+            point, value = moved, there
+        else:
+            direction = slopes.directions[int(slopes.slopes.argmax())]
+            moved, there = climb_line(objective.value, space, point, direction)
+            if there > value:
+                point, value = climb_smoothly(objective, moved)
+        if value > before:
+            slopes = one_sided_slopes(objective.value, space, point)
     return point, slopes
 
 
-def climb_smoothly(objective: Objective, point: Floats, steps: int = 300) -> Floats:
+def climb_smoothly(objective: Objective, point: Floats, steps: int = 300) -> tuple[Floats, float]:
     """Quasi-Newton steps on the log-likelihood itself, restarted once where they get stuck."""
+    value = -math.inf
     for _ in range(2):
         climb = climb_from(objective.value_and_rates, point)
         before = climb.value
         climb = ascend(objective.value_and_rates, climb, objective.space.least, objective.space.most, steps)
-        point = climb.point
+        point, value = climb.point, climb.value
         if climb.value - before < 1e-9:
             break
-    return point
+    return point, value
 
 
 def breakpoints(space: Coordinates, coordinate: int) -> Floats:
@@ -162,3 +174,29 @@ def across_breakpoints(objective: Objective, point: Floats, value: float) -> tup
                 for b in grids[1]:
                     attempt(pair, [float(a), float(b)])
     return best, best_value
+
+
+def recombine(
+    objective: Objective, point: Floats, value: float, others: list[Floats], near: float = 3.0
+) -> tuple[Floats, float]:
+    """The best of `point` and what comes of it with one approval state taken from another point.
+
+    Approval states are nearly independent, so each may have its best values at the end of another
+    start. Points within `near` nats are climbed from before they are judged.
+    """
+    space = objective.space
+    states = (len(space.base) - 1) // 4
+    for m in range(states):
+        own = np.flatnonzero((space.index - 1) % states == m)
+        own = own[space.index[own] > 0]
+        for other in others:
+            trial = point.copy()
+            trial[own] = other[own]
+            if np.abs(trial - point).max(initial=0.0) < 1e-3:
+                continue
+            there = objective.value(trial)
+            if there > value - near:
+                trial, there = climb_smoothly(objective, trial)
+            if there > value + 1e-9:
+                point, value = trial, there
+    return point, value
