@@ -56,6 +56,22 @@ def test_trials_are_made_again_to_the_byte(data_set: tuple[str, Sequence[Session
             assert trial_bytes(again) == trial_bytes(trial)
 
 
+@pytest.mark.verify
+@pytest.mark.parametrize("name", SETS)
+def test_the_command_makes_the_whole_set_again(name: str, tmp_path: Path) -> None:
+    assert main([name.removeprefix("simulated-"), str(tmp_path)]) == 0
+    made = {path.name for path in tmp_path.iterdir()}
+    assert made | {"README.md"} == {path.name for path in (DATASETS / name).iterdir()}
+    for file in made:
+        if file.startswith("teacher"):
+            assert (tmp_path / file).read_bytes() == (DATASETS / name / file).read_bytes()
+    trials = {trial.trial_id: trial for trial in read_trials(DATASETS / name)}
+    for again in read_trials(tmp_path):
+        trial = trials.pop(again.trial_id)
+        assert trial_bytes(replace(again, taskcomm_version=trial.taskcomm_version)) == trial_bytes(trial)
+    assert not trials
+
+
 def test_the_card_counts_what_is_in_the_set(data_set: tuple[str, Sequence[Session], list[Trial]]) -> None:
     name, _, trials = data_set
     card = (DATASETS / name / "README.md").read_text(encoding="utf-8")
