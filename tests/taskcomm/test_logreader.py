@@ -57,6 +57,13 @@ def test_a_torn_last_line_is_dropped_with_a_warning(
     assert notices[-1] == f"trial 'schön' broke off after {read.num_steps} steps"
 
 
+def test_a_last_line_that_is_whole_but_wrong_is_not_taken_for_torn(tmp_path: Path) -> None:
+    path = tmp_path / "wrong.jsonl"
+    path.write_bytes(trial_bytes(played()) + b'{"type": "step"}')
+    with pytest.raises(LogError, match=r"wrong.jsonl:8: step line: `trial_id` is missing"):
+        read_trials(path)
+
+
 def test_a_file_with_a_torn_line_only_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "torn.jsonl"
     path.write_bytes(trial_bytes(played())[:40])

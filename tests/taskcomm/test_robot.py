@@ -101,6 +101,17 @@ def test_a_belief_that_moves_to_another_task_changes_course() -> None:
     assert shown == Final(other)
 
 
+def test_a_robot_on_its_way_turns_round_for_another_task() -> None:
+    known, other = Task(1, 2, 1), Task(3, 2, 1)
+    planner = Wander(WORLD, lambda actions, asked: actions[0])
+    robot = Robot(WORLD, MODEL, planner, prior=prior_of({known: 0.985, other: 0.0149}))
+    robot.state = WORLD.step(WORLD.start(), Action.parse("light_on(3)"))
+    assert str(robot.act(None)) == "pick_up(1)"
+    actions = [str(robot.act(pressed)) for pressed in [True] * 5 + [False] * 2]
+    assert actions[0] == "noa"
+    assert actions[-3:] == ["release(1)", "pick_up(3)", "slide(3, 4, 2)"]
+
+
 def test_walks_by_a_shortest_way_in_a_world_that_names_none() -> None:
     world, model = menu()
     robot = Robot(world, model, prior=[0.001, 0.997, 0.001, 0.001])

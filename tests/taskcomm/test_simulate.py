@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import oracles
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from tinyworld import menu
 
@@ -72,29 +72,35 @@ class Scripted:
         return self.actions[at] if at < len(self.actions) else NOA
 
 
-@given(models, st.lists(st.tuples(st.integers(0, 99), st.floats(0, 1, exclude_max=True)), max_size=25))
+histories = st.lists(
+    st.tuples(st.integers(0, 99), st.integers(0, 4), st.sampled_from([0.001, 0.5, 0.999])), max_size=30
+)
+
+
+@settings(max_examples=150)
+@given(models, histories)
 def test_the_number_drawn_picks_from_the_models_distribution(
-    model: TeacherModel, history: list[tuple[int, float]]
+    model: TeacherModel, history: list[tuple[int, int, float]]
 ) -> None:
     task = 1
     teacher, state = SimulatedTeacher(SMALL, model, SMALL.tasks[task]), SMALL.start()
     states: list[BallState] = []
     path: list[str] = []
     pressed: list[bool] = []
-    for pick, number in history:
+    order = ["mistake", *model.approvals, "waiting"]
+    for pick, wanted, part in history:
         actions = SMALL.actions(state)
         state = SMALL.step(state, actions[pick % len(actions)])
         states.append(state)
         cues = oracles.cue_columns(SMALL, model, states, task)
         expected = oracles.probabilities(model, cues, path, pressed)
+        likely = [name for name in order if expected[name] > 1e-6]
+        name = likely[wanted % len(likely)]
+        number = sum(expected[before] for before in order[: order.index(name)]) + part * expected[name]
         press = teacher.observe(state, Fixed([number]))
-        assert teacher.mental_state is not None
-        assert press == (teacher.mental_state != "waiting")
-        order = ["mistake", *model.approvals, "waiting"]
-        at = order.index(teacher.mental_state)
-        below = sum(expected[name] for name in order[:at])
-        assert below - 1e-9 <= number <= below + expected[teacher.mental_state] + 1e-9
-        path.append(teacher.mental_state)
+        assert teacher.mental_state == name
+        assert press == (name != "waiting")
+        path.append(name)
         pressed.append(press)
 
 
