@@ -3,7 +3,8 @@
 Source: pomegranate's DenseHMM, in float64.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -48,7 +49,7 @@ def _forward(model: BlindModel, presses: NDArray[np.bool_]) -> float:
 
 
 def fit_blind(
-    trials: Sequence[Trial], states: int = 2, *, max_iter: int = 300, rtol: float = 1e-6, seed: int = 0
+    trials: Sequence[Trial], states: int = 2, *, max_iter: int = 100, rtol: float = 1e-5, seed: int = 0
 ) -> BlindModel:
     """Fit a press-rate HMM to the presses of `trials` by EM, with pomegranate.
 
@@ -82,6 +83,26 @@ def _em(
         starts=[1 / states] * states,
         ends=[1.0] * states,
     ).double()
+    with _one_thread(torch):
+        kept, log_likelihood, iterations, converged = _iterate(torch, model, padded, max_iter, rtol)
+    start, transition, press = kept
+    order = np.argsort(press)
+    return BlindModel(
+        start=start[order] / start.sum(),
+        transition=transition[np.ix_(order, order)],
+        press=press[order],
+        log_likelihood=log_likelihood,
+        iterations=iterations,
+        converged=converged,
+    )
+
+
+Numbers = tuple[Floats, Floats, Floats]
+
+
+def _iterate(
+    torch: Any, model: Any, padded: Floats, max_iter: int, rtol: float
+) -> tuple[Numbers, float, int, bool]:
     data = torch.tensor(padded)
     before, now, iterations, converged = -np.inf, -np.inf, 0, False
     kept = _numbers(model)
@@ -89,27 +110,28 @@ def _em(
         iterations += 1
         now = float(model.summarize(data).sum())
         if not np.isfinite(now):  # a state that nothing reaches has no transitions to learn
-            now = before
-            break
+            return kept, before, iterations, False
         kept, converged = _numbers(model), now - before <= rtol * abs(now)
         before = now
         model.from_summaries()
         # A trial may end in any state: its length is the robot's doing, not the teacher's.
         model.ends.data.zero_()
         model.edges.data -= torch.logsumexp(model.edges.data, dim=1, keepdim=True)
-    start, transition, press = kept
-    order = np.argsort(press)
-    return BlindModel(
-        start=start[order] / start.sum(),
-        transition=transition[np.ix_(order, order)],
-        press=press[order],
-        log_likelihood=now,
-        iterations=iterations,
-        converged=converged,
-    )
+    return kept, now, iterations, converged
 
 
-def _numbers(model: Any) -> tuple[Floats, Floats, Floats]:
+@contextmanager
+def _one_thread(torch: Any) -> Iterator[None]:
+    """Tensors this small cost more to share out than to compute."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _numbers(model: Any) -> Numbers:
     press = np.array([float(distribution.rate) for distribution in model.distributions])
     return model.starts.detach().exp().numpy().copy(), model.edges.detach().exp().numpy().copy(), press
 

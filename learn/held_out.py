@@ -91,18 +91,25 @@ def folds_of_people(people: Sequence[str], folds: int, seed: int = 0) -> NDArray
 
 @dataclass
 class _Refit:
-    """The fit without one fold; run in a process of its own."""
+    """The fits without one fold, and the scores of that fold; run in a process of its own."""
 
     trials: tuple[Trial, ...]
     fold: NDArray[np.int64]
     options: Mapping[str, Any]
+    blind: bool
 
-    def __call__(self, left_out: int) -> tuple[TeacherModel, bool]:
-        from learn import fit
+    def __call__(self, left_out: int) -> tuple[TeacherModel, bool, dict[str, Floats]]:
+        from learn import fit, log_likelihoods
 
         kept = [trial for trial, fold in zip(self.trials, self.fold, strict=True) if fold != left_out]
+        left = [trial for trial, fold in zip(self.trials, self.fold, strict=True) if fold == left_out]
         result = fit(kept, world=kept[0].world, **self.options)
-        return result.model, bool(result.converged)
+        scores = {LEARNED: np.asarray(log_likelihoods(left, kept[0].world, result.model))}
+        if self.blind:
+            from learn.blind import fit_blind
+
+            scores[BLIND] = fit_blind(kept).score(left)
+        return result.model, bool(result.converged), scores
 
 
 def held_out(
@@ -122,7 +129,7 @@ def held_out(
     (with `blind`; it loads torch). Raises FitError for trials that cannot be fitted together, and
     ValueError for a model named like one of these arms.
     """
-    from learn.estep import log_likelihoods
+    from learn import log_likelihoods
 
     if {LEARNED, BLIND} & set(models):
         raise ValueError(f"{LEARNED!r} and {BLIND!r} are names of arms; call the model otherwise")
@@ -131,15 +138,16 @@ def held_out(
         raise FitError("no trials: a comparison needs some of at least two people")
     people = tuple(map(person_of, trials))
     fold = folds_of_people(people, folds, seed)
-    refit = _Refit(trials, fold, dict(fit_options or {}))
+    refit = _Refit(trials, fold, dict(fit_options or {}), blind)
     refitted = map_in_order(refit, range(int(fold.max()) + 1), jobs, progress)
     world = trials[0].world
     scores = {arm: np.asarray(log_likelihoods(trials, world, model)) for arm, model in models.items()}
-    scores[LEARNED] = _by_fold(trials, fold, lambda k, left: log_likelihoods(left, world, refitted[k][0]))
-    if blind:
-        scores[BLIND] = _by_fold(trials, fold, lambda k, left: _blind_scores(trials, fold, k, left))
+    for arm in refitted[0][2]:
+        scores[arm] = np.empty(len(trials))
+        for k, (_, _, of_fold) in enumerate(refitted):
+            scores[arm][fold == k] = of_fold[arm]
     hashes = [trial_hash(trial) for trial in trials]
-    seen = {arm: set(model.provenance.get("training_trials", ())) for arm, model in models.items()}
+    seen = {arm: set(model.provenance.get("trial_sha256", ())) for arm, model in models.items()}
     return HeldOut(
         log_likelihood=scores,
         in_sample={arm: np.array([h in seen.get(arm, ()) for h in hashes]) for arm in scores},
@@ -147,22 +155,6 @@ def held_out(
         presses=np.array([int(trial.presses.sum()) for trial in trials]),
         fold=fold,
         models=dict(models),
-        learned=tuple(model for model, _ in refitted),
-        converged=tuple(converged for _, converged in refitted),
+        learned=tuple(model for model, _, _ in refitted),
+        converged=tuple(converged for _, converged, _ in refitted),
     )
-
-
-def _by_fold(
-    trials: Sequence[Trial], fold: NDArray[np.int64], score: Callable[[int, list[Trial]], Floats]
-) -> Floats:
-    scores = np.empty(len(trials))
-    for k in range(int(fold.max()) + 1):
-        places = np.flatnonzero(fold == k).tolist()
-        scores[places] = score(k, [trials[n] for n in places])
-    return scores
-
-
-def _blind_scores(trials: Sequence[Trial], fold: NDArray[np.int64], k: int, left: list[Trial]) -> Floats:
-    from learn.blind import fit_blind
-
-    return fit_blind([trial for trial, f in zip(trials, fold, strict=True) if f != k]).score(left)

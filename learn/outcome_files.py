@@ -15,6 +15,7 @@ from learn.plots import (
     time_to_final,
 )
 from learn.report import report
+from taskcomm.teacher import TeacherModel
 from taskcomm.trials import Trial
 
 
@@ -26,12 +27,14 @@ def write_comparison(
     title: str,
     intro: str = "",
     outro: str = "",
+    known_truths: Sequence[TeacherModel] = (),
 ) -> list[Path]:
-    """Write report.md, figures (.png), their numbers (.csv) and learned.json; gives the paths."""
-    truths = found.truths if len(found.truths) > 1 else ()
-    written = save(
-        table_tops(found.robots, truths), directory / "table-tops.png", table_top_rows(found.robots)
-    )
+    """Write report.md, figures (.png), their numbers (.csv) and learned.json; gives the paths.
+
+    `known_truths` are the teachers of the logs, where they are simulated, drawn behind the table-tops.
+    """
+    figure = table_tops(found.robots, known_truths)
+    written = save(figure, directory / "table-tops.png", table_top_rows(found.robots))
     if found.loop is not None:
         written += save(time_to_final(found.loop), directory / "time-to-final.png", found.loop.rows())
         written += save(entropy_over_time(found.loop), directory / "entropy.png", entropy_rows(found.loop))
