@@ -125,6 +125,15 @@ def test_a_forced_mental_state_happens_and_resets_its_level() -> None:
         assert not any(seen[:9])
 
 
+def test_a_reset_begins_the_decay_of_the_plateau_anew() -> None:
+    lit = WORLD.step(WORLD.start(), Action.parse("light_on(1)"))
+    tired = TeacherModel(mistake=0.001, approvals={"that_mov": TableTop("mov_lit", 0.3, 0.5, 0.5, decay=1.0)})
+    for forced, pressed in (({7: "that_mov"}, True), ({}, False)):
+        teacher = SimulatedTeacher(WORLD, tired, WORLD.tasks[0], forced=forced)
+        seen = [teacher.observe(lit, Fixed([0.999 if t < 8 else 0.1])) for t in range(9)]
+        assert seen[8] is pressed  # 0.3 exp(-0.5) = 0.18 after a reset, 0.3 exp(-4.5) = 0.003 without
+
+
 def test_refuses_what_does_not_exist() -> None:
     with pytest.raises(ValueError, match="task: pizza is none of the 24 tasks"):
         SimulatedTeacher(WORLD, MODEL, "pizza")
