@@ -43,8 +43,8 @@ layers: $(READY)  ## who may import whom
 
 check: lint types layers test  ## lint, types, layers and tests
 
-verify: $(READY)  ## the long tests: thousands of comparisons, closed-loop studies
-	$(PYTEST) -n auto --dist worksteal -m verify --hypothesis-profile verify
+verify: $(READY)  ## the long tests and studies, and every random law on fresh examples
+	$(PYTEST) -n auto --dist worksteal -m 'verify or hypothesis' --hypothesis-profile verify
 
 bench: $(READY)  ## timings, each a ratio between two ways
 	$(PYTEST) tests/benchmarks -o python_files='bench_*.py' -o python_functions='bench_*'

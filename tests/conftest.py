@@ -7,6 +7,6 @@ settings.register_profile(
     "quick", deadline=None, derandomize=True, max_examples=60, suppress_health_check=SLOW_DATA
 )
 settings.register_profile(
-    "verify", deadline=None, max_examples=1000, suppress_health_check=SLOW_DATA, print_blob=True
+    "verify", deadline=None, max_examples=500, suppress_health_check=SLOW_DATA, print_blob=True
 )
 settings.load_profile("quick")
