@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from learn.bootstrap import Interval, ratio_interval
 from taskcomm.parallel import map_in_order
 from taskcomm.replay import belief_path
-from taskcomm.teacher import TeacherModel
+from taskcomm.teacher import ModelError, TeacherModel
 from taskcomm.trials import Trial
 from taskcomm.world import World
 
@@ -174,7 +174,8 @@ def closed_loop(
 
     Trial n has one task and one stream of uniforms, whatever the arm (common random numbers), and a
     teacher with the model `truth`, or the n-th of several, in turn. The result does not depend on
-    `jobs`, the number of processes. Raises ValueError for no arms, no truth or no trials.
+    `jobs`, the number of processes. Raises ValueError for no arms, no truth or no trials, ModelError for
+    models with different dt.
     """
     truths = (truth,) if isinstance(truth, TeacherModel) else tuple(truth)
     if not arms or not truths or trials < 1:
@@ -183,7 +184,9 @@ def closed_loop(
         )
     steps = {model.dt for model in (*arms.values(), *truths)}
     if len(steps) > 1:
-        raise ValueError(f"closed loop: models with different dt: {', '.join(f'{dt:g} s' for dt in steps)}")
+        raise ModelError(
+            f"dt: the closed loop has models with {', '.join(f'{dt:g} s' for dt in sorted(steps))}"
+        )
     runner = _Runner(world, dict(arms), truths, horizon, seed, threshold, max_steps)
     results = map_in_order(runner, range(trials), jobs, progress)
     settings = {

@@ -214,11 +214,13 @@ def _code_of(error: Exception) -> int | None:
     """The exit code of an error that is the user's to mend, or None for one of ours."""
     from taskcomm import LogError
     from taskcomm.belief import ImpossibleObservation
+    from taskcomm.lattice import LatticeTooLarge
     from taskcomm.teacher import ModelError
     from taskcomm.world import InvalidAction
 
-    bad_data: tuple[type[Exception], ...] = (LogError, ModelError, ImpossibleObservation, InvalidAction)
-    if "learn.em" in sys.modules:
+    bad_data: tuple[type[Exception], ...]
+    bad_data = (LogError, ModelError, ImpossibleObservation, InvalidAction, LatticeTooLarge)
+    if "learn.exposure" in sys.modules:
         from learn import FitError
 
         bad_data = (*bad_data, FitError)

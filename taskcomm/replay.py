@@ -138,6 +138,8 @@ def press_reasons(
     from taskcomm.smoother import smooth
 
     check_dt(trial, model)
+    if not trial.presses.any():
+        return ()
     unknown = replace(trial, task=None)
     smoothed = smooth(unknown, model, prior=prior)
     belief = Belief.initial(trial.world, model, prior)

@@ -7,10 +7,10 @@ from learn.compare import Comparison, compare
 from learn.held_out import LEARNED
 from learn.outcome_files import write_comparison
 from learn.report import span
-from taskcomm.commands.models import load_model, log_files, model_files
+from taskcomm.commands.models import load_model, model_files
 from taskcomm.commands.output import result_directory, run_record, sha256_of, write_json
 from taskcomm.commands.terminal import Terminal
-from taskcomm.logs import read_trials
+from taskcomm.logs import log_files, read_trials
 from taskcomm.teacher import TeacherModel
 
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from learn import fit
-from taskcomm.commands.models import load_model, log_files, model_files
+from taskcomm.commands.models import load_model, model_files
 from taskcomm.commands.output import result_file, run_record, write_record
 from taskcomm.commands.terminal import Terminal
-from taskcomm.logs import read_trials
+from taskcomm.logs import log_files, read_trials
 
 
 def run(

@@ -5,10 +5,10 @@ from typing import Any
 
 import typer
 
-from taskcomm.commands.models import load_model, log_files, model_files
+from taskcomm.commands.models import load_model, model_files
 from taskcomm.commands.output import result_file, run_record, write_json, write_record
 from taskcomm.commands.terminal import Terminal
-from taskcomm.logs import LogError, read_trials
+from taskcomm.logs import LogError, log_files, read_trials
 from taskcomm.replay import BeliefPath, PressReason, belief_path, press_reasons
 from taskcomm.teacher import TeacherModel
 from taskcomm.trials import Trial

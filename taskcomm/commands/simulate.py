@@ -13,7 +13,7 @@ from taskcomm.logs import write_trials
 from taskcomm.parallel import map_in_order
 from taskcomm.robot import Controller, Robot
 from taskcomm.simulate import SimulatedTeacher, run_trial
-from taskcomm.teacher import TeacherModel
+from taskcomm.teacher import ModelError, TeacherModel
 from taskcomm.trials import Trial
 from taskcomm.world import BallWorld
 
@@ -44,7 +44,7 @@ class Simulation:
         if self.robot is None:
             from taskcomm.operators import ScriptedOperator
 
-            return ScriptedOperator(self.world)
+            return ScriptedOperator(self.world, self.teacher.dt)
         from taskcomm.planner import EntropyPlanner
 
         planner = EntropyPlanner(self.world, self.robot, horizon=self.horizon)
@@ -87,6 +87,8 @@ def run(
     world = BallWorld(balls, distances)
     model = load_model(teacher, "--teacher")
     robot_model = None if robot == "operator" else load_model(robot, "--robot")
+    if robot_model is not None and robot_model.dt != model.dt:
+        raise ModelError(f"dt: {model.dt:g} s in the teacher's model, {robot_model.dt:g} s in the robot's")
     simulation = Simulation(world, model, robot_model, people or trials, horizon, threshold, max_steps, seed)
     record = run_record("simulate", settings, model_files([teacher, robot]))
     record["models"] = {"teacher": model.sha256} | ({"robot": robot_model.sha256} if robot_model else {})
