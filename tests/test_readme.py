@@ -1,0 +1,39 @@
+"""What the README shows runs as it stands there."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from taskcomm.cli import main
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_library_lines_run() -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
+    names: dict[str, object] = {}
+    exec(code, names)
+    assert str(names["action"]) == "light_on(1)"
+
+
+def test_files_and_pictures_exist() -> None:
+    named = re.findall(r'(?:src="|\]\()([\w./-]+)', README)
+    named += re.findall(r"`((?:taskcomm|learn|tests|notebooks|datasets)/[\w./-]+)`", README)
+    for row in re.findall(r"^\| (`[^|]+) \|", README, flags=re.MULTILINE):
+        first, *others = re.findall(r"`([^`]+)`", row)
+        named += [first, *(f"{first.rpartition('/')[0]}/{name}" for name in others if "/" not in name)]
+    assert len(named) > 40
+    for name in named:
+        assert (ROOT / name).exists(), name
+
+
+def test_commands_and_their_options_exist(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = re.findall(r"^    taskcomm (\w+)(.*)$", README, flags=re.MULTILINE)
+    assert {command for command, _ in lines} == {"validate", "fit", "compare", "replay", "simulate"}
+    for command, rest in lines:
+        assert main([command, "--help"]) == 0
+        shown = capsys.readouterr().out
+        for option in re.findall(r"--[a-z-]+", rest):
+            assert option in shown, (command, option)
