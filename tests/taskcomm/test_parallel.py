@@ -1,0 +1,55 @@
+"""Work over many items: the same results on one process or several, and errors that come through."""
+
+import os
+from dataclasses import dataclass
+
+import pytest
+
+from taskcomm.parallel import map_in_order
+from taskcomm.world import InvalidAction
+
+
+@dataclass
+class Square:
+    """A number squared, and whether it was done in another process."""
+
+    home: int
+    fails_at: int | None = None
+
+    def __call__(self, number: int) -> tuple[int, bool]:
+        if number == self.fails_at:
+            raise InvalidAction(f"no square of {number}")
+        return number * number, os.getpid() != self.home
+
+
+def test_results_come_in_order_and_do_not_depend_on_the_number_of_processes() -> None:
+    told: list[int] = []
+    work = Square(os.getpid())
+    alone = map_in_order(work, range(9), jobs=1)
+    shared = map_in_order(work, range(9), jobs=2, progress=told.append)
+    assert [square for square, _ in alone] == [square for square, _ in shared] == [n * n for n in range(9)]
+    assert told == list(range(1, 10))
+    assert not any(away for _, away in alone)
+    assert all(away for _, away in shared)
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_an_error_of_the_work_is_raised_as_it_is(jobs: int) -> None:
+    with pytest.raises(InvalidAction, match="no square of 3"):
+        map_in_order(Square(os.getpid(), fails_at=3), range(9), jobs=jobs)
+
+
+def test_no_processes_are_refused_and_no_items_are_no_results() -> None:
+    with pytest.raises(ValueError, match="jobs: must be at least 1, not 0"):
+        map_in_order(abs, [1], jobs=0)
+    assert map_in_order(abs, [], jobs=2) == []
+
+
+class Dying:
+    def __call__(self, number: int) -> int:
+        os._exit(1)
+
+
+def test_a_process_that_dies_is_one_clear_error() -> None:
+    with pytest.raises(RuntimeError, match="a worker process died or could not start"):
+        map_in_order(Dying(), range(4), jobs=2)
