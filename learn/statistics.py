@@ -12,6 +12,7 @@ from learn.optimum import TOLERANCE, Slopes
 from taskcomm.lattice import Floats
 
 BELOW_FULL = 1 - 1e-9
+LONGER = 1e-6
 
 
 class Informed(NamedTuple):
@@ -24,21 +25,30 @@ class Informed(NamedTuple):
 
 
 def informed(objective: Objective, vector: Floats, expectation: Expectation) -> Informed:
-    """What informed each parameter at `vector`; leaves the chain's levels at `vector`."""
+    """What informed each parameter at `vector`; leaves the chain's levels at `vector`.
+
+    A rise or fall of one step is as short as it can be and has no slope of its own; it is informed by the
+    steps that a slightly longer one would change.
+    """
     from learn import _slopes
 
     chain, states = objective.evidence.chain, (len(vector) - 1) // 4
-    chain.trace(parameters_at(vector, objective.base))
-    steps, presses, reached = np.zeros((5, states)), np.zeros((5, states)), np.zeros(states)
-    _slopes.informed(
-        chain.lattice, chain.share, chain.slope, expectation.memory, expectation.press, steps, presses,
-        reached,
-    )  # fmt: skip
 
-    def flat(counts: Floats) -> Floats:
-        return np.concatenate([counts[4, :1], counts[:4].ravel()])
+    def counted(at: Floats) -> Informed:
+        chain.trace(parameters_at(at, objective.base))
+        steps, presses, reached = np.zeros((5, states)), np.zeros((5, states)), np.zeros(states)
+        _slopes.informed(
+            chain.lattice, chain.share, chain.slope, expectation.memory, expectation.press, steps, presses,
+            reached,
+        )  # fmt: skip
+        flat = [np.concatenate([counts[4, :1], counts[:4].ravel()]) for counts in (steps, presses)]
+        return Informed(flat[0], flat[1], reached)
 
-    return Informed(flat(steps), flat(presses), reached)
+    longer, times = vector.copy(), slice(1 + states, 1 + 3 * states)
+    longer[times] = np.maximum(vector[times], objective.space.dt * (1 + LONGER))
+    beside, here = counted(longer), counted(vector)
+    at_least = np.where(longer > vector, beside.steps, here.steps)
+    return Informed(at_least, np.where(longer > vector, beside.presses, here.presses), here.reached)
 
 
 def settle(objective: Objective, point: Floats) -> Floats:
@@ -49,21 +59,25 @@ def settle(objective: Objective, point: Floats) -> Floats:
     the peak is then the greatest probability that was shown, and none is claimed beyond it.
     """
     space = objective.space
-    vector = space.vector(point)
+    vector, value = space.vector(point), objective.value(point)
     seen = informed(objective, vector, objective.expect(point))
     states = len(seen.reached)
-    back = vector.copy()
-    idle = space.free & (seen.steps == 0)
-    idle[: 1 + states] = False
-    back[idle] = space.base[idle]
+
+    def kept(rows: list[int], values: Floats) -> Floats:
+        changed = vector.copy()
+        changed[rows] = values
+        return changed if objective.value(space.point(changed)) >= value - 1e-9 else vector
+
+    for i in range(1 + states, len(vector)):
+        if space.free[i] and seen.steps[i] == 0:
+            vector = kept([i], space.base[i : i + 1])
     for m in range(states):
         rows = [1 + m, 1 + states + m, 1 + 2 * states + m]
         if 0 < seen.reached[m] < BELOW_FULL and space.free[rows].all():
-            shrink = max(seen.reached[m], space.dt / back[rows[1]], space.dt / back[rows[2]])
-            back[rows] *= min(1.0, shrink)
-    settled = space.point(back)
-    kept = objective.value(settled) >= objective.value(point) - 1e-9
-    return settled if kept else point
+            shrink = max(seen.reached[m], space.dt / vector[rows[1]], space.dt / vector[rows[2]])
+            vector = kept(rows, vector[rows] * min(1.0, shrink))
+    settled = space.point(vector)
+    return settled if objective.value(settled) >= value - 1e-9 else point
 
 
 def marks_of(
