@@ -6,7 +6,7 @@ from typing import Any
 from numba import njit
 
 SMALL = 1e-200
-NEGLIGIBLE = 1e-18
+NEGLIGIBLE = 1e-14
 NEGLIGIBLE_REASON = 1e-12  # a reason less probable than this shall not bar the way of a level to 0
 
 

@@ -12,7 +12,15 @@ from learn.coordinates import Bounds, Coordinates, model_at, names_of, vector_of
 from learn.estep import Evidence
 from learn.exposure import Exposure, FitError, expose
 from learn.mstep import MistakePrior, Objective, maximise
-from learn.optimum import TOLERANCE, across_breakpoints, climb_smoothly, one_sided_slopes, polish, recombine
+from learn.optimum import (
+    COARSE,
+    TOLERANCE,
+    across_breakpoints,
+    climb_smoothly,
+    one_sided_slopes,
+    polish,
+    recombine,
+)
 from learn.result import FitResult, Start
 from learn.statistics import informed, marks_of, remarks_of, settle
 from taskcomm.lattice import Floats
@@ -22,6 +30,7 @@ from taskcomm.world import World
 
 Progress = Callable[[int, int], None]
 ROUNDS = 4
+MOST_MEMORIES = 20_000
 
 
 @dataclass
@@ -97,7 +106,7 @@ def fit(
     delays: bool = False,
     starts: int = 6,
     max_iter: int = 500,
-    rtol: float = 1e-9,
+    rtol: float = 1e-8,
     mistake_prior: MistakePrior | None = MistakePrior(),  # noqa: B008 (frozen)
     bounds: Bounds = Bounds(),  # noqa: B008 (frozen)
     task_prior: ArrayLike | None = None,
@@ -117,7 +126,8 @@ def fit(
     EM alone. `progress(done, total)` is called as parts of the work finish.
 
     Deterministic for a seed; the order of the trials does not matter (but for rounding). Raises FitError
-    for trials that cannot be fitted together or with this model, see `expose`.
+    for trials that cannot be fitted together or with this model, see `expose`, and for one with more
+    than MOST_MEMORIES memories under one task: shorter bounds help.
 
     Source: MODEL.md, section 7.
     """
@@ -138,11 +148,11 @@ def fit(
         path.em_alone = path.values[-1]
         if search:
             nudged = np.clip(path.point + rng.normal(0, 0.01, len(path.point)), space.least, space.most)
-            path.move(objective, climb_smoothly(objective, nudged)[0])
+            path.move(objective, climb_smoothly(objective, nudged, gain=COARSE)[0])
         path.searched = path.values[-1]
         tell(number + 1, total)
     ends = np.array([path.values[-1] for path in paths])
-    best = int(np.flatnonzero(ends >= ends.max() - 1e-6)[0])
+    best = int(np.flatnonzero(ends >= ends.max() - 10 * COARSE)[0])
     if search:
         others = [path.point for path in paths]
         _search(objective, paths[best], others, max_iter, rtol, rng)
@@ -175,7 +185,7 @@ def _prepare(
     free = np.ones(1 + 4 * states, dtype=np.bool_)
     free[1 + 3 * states :] = delays
     extent = Coordinates(initial, bounds, free).extent(base)
-    exposure = expose(trials, world, initial, extent, task_prior)
+    exposure = expose(trials, world, initial, extent, task_prior, MOST_MEMORIES)
     for m, ever_on in enumerate(exposure.cue_ever_on):
         if not ever_on:
             free[1 + m :: states] = False
@@ -196,6 +206,7 @@ def _search(
         before = path.values[-1]
         candidate, value = across_breakpoints(objective, path.point, before)
         candidate, value = recombine(objective, candidate, value, others)
+        others = []
         if value > before:
             path.move(objective, candidate)
         path.move(objective, polish(objective, path.point, rng)[0])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from taskcomm.lattice import Extent, Floats, Ints, Lattice, LatticeTooLarge, build_unit, join
+from taskcomm.lattice import MAX_MEMORIES, Extent, Floats, Ints, Lattice, LatticeTooLarge, build_unit, join
 from taskcomm.smoother import cue_tables, hypotheses, index_of_task, task_prior
 from taskcomm.teacher import ModelError, TeacherModel
 from taskcomm.trials import Trial
@@ -87,13 +87,14 @@ def expose(
     model: TeacherModel,
     extent: Extent | None = None,
     prior: ArrayLike | None = None,
+    most: int = MAX_MEMORIES,
 ) -> Exposure:
     """The lattice of `trials`, good for every model within `extent` (by default for `model` alone).
 
     Trials whose task is None are taken under every task with a positive `prior` (uniform by default).
     Raises FitError for zero trials, a trial without steps, two dt, another dt than the model's,
-    another world, a task that the world lacks, a cue that it lacks, a bad prior, or a trial with more
-    memories than taskcomm.lattice.MAX_MEMORIES.
+    another world, a task that the world lacks, a cue that it lacks, a bad prior, or a trial with more than
+    `most` memories under one task.
     """
     trials = tuple(trials)
     _check(trials, world, model)
@@ -109,7 +110,7 @@ def expose(
         try:
             task = None if trial.task is None else index_of_task(trial, world, trial.task)
             tables, shares = hypotheses(cue_tables(trial, world, parameters.cue), weight, task)
-            units += [build_unit(table, trial.presses, extent, model.dt) for table in tables]
+            units += [build_unit(table, trial.presses, extent, model.dt, most) for table in tables]
         except LatticeTooLarge as error:
             raise FitError(f"trial {trial.trial_id}: {error}") from None
         except ValueError as error:

@@ -18,6 +18,7 @@ from taskcomm.lattice import Floats
 
 TOLERANCE = 0.01
 REACH = 1e-6
+COARSE = 1e-4
 FAN = 32
 Value = Callable[[Floats], float]
 
@@ -120,15 +121,22 @@ def polish(
     return point, slopes
 
 
-def climb_smoothly(objective: Objective, point: Floats, steps: int = 300) -> tuple[Floats, float]:
-    """Quasi-Newton steps on the log-likelihood itself, restarted once where they get stuck."""
+def climb_smoothly(
+    objective: Objective, point: Floats, steps: int = 300, gain: float = 0.0
+) -> tuple[Floats, float]:
+    """Quasi-Newton steps on the log-likelihood itself, restarted once where they get stuck.
+
+    Stuck is a step that gains no more than `gain` nats.
+    """
     value = -math.inf
     for _ in range(2):
         climb = climb_from(objective.value_and_rates, point)
         before = climb.value
-        climb = ascend(objective.value_and_rates, climb, objective.space.least, objective.space.most, steps)
+        climb = ascend(
+            objective.value_and_rates, climb, objective.space.least, objective.space.most, steps, gain
+        )
         point, value = climb.point, climb.value
-        if climb.value - before < 1e-9:
+        if climb.value - before <= max(gain, 1e-9):
             break
     return point, value
 
@@ -196,7 +204,7 @@ def recombine(
                 continue
             there = objective.value(trial)
             if there > value - near:
-                trial, there = climb_smoothly(objective, trial)
+                trial, there = climb_smoothly(objective, trial, gain=COARSE)
             if there > value + 1e-9:
                 point, value = trial, there
     return point, value

@@ -25,7 +25,7 @@ SLACK = 1e-9
 
 
 class LatticeTooLarge(ValueError):
-    """More memories than `MAX_MEMORIES`, summed over the layers of one trial under one task."""
+    """More memories, summed over the layers of one trial under one task, than a bound allows."""
 
 
 @dataclass(frozen=True)
@@ -164,11 +164,11 @@ def _unique_rows(rows: Ints, base: int) -> tuple[Ints, Ints]:
     return rows[index], inverse.astype(np.int64)
 
 
-def build_unit(cues: Bools, presses: Bools, extent: Extent, dt: float) -> _Unit:
+def build_unit(cues: Bools, presses: Bools, extent: Extent, dt: float, most: int = MAX_MEMORIES) -> _Unit:
     """The lattice of one trial under one task: `cues` (T, M), `presses` (T,).
 
     Resets that give the same levels for every parameter within the extent are one, and a reset of a
-    level that is certainly 0 does not happen. Raises LatticeTooLarge past MAX_MEMORIES.
+    level that is certainly 0 does not happen. Raises LatticeTooLarge past `most` memories.
     """
     steps, states = cues.shape
     certain = _certainty(cues, extent, dt)
@@ -179,9 +179,9 @@ def build_unit(cues: Bools, presses: Bools, extent: Extent, dt: float) -> _Unit:
     for k in range(len(resets)):
         layers.append(memories)
         count += len(memories)
-        if count > MAX_MEMORIES:
+        if count > most:
             raise LatticeTooLarge(
-                f"more than {MAX_MEMORIES} memories by press {k} of {len(press_steps)} (step {resets[k]} of"
+                f"more than {most} memories by press {k} of {len(press_steps)} (step {resets[k]} of"
                 f" {steps}): too many presses while levels rise and fall; shorter bounds on rise, fall and"
                 " delay make a trial smaller"
             )
