@@ -61,9 +61,10 @@ class Lattice(NamedTuple):
     `track_state`, from step `track_first` for `track_length` steps, stored from `track_at`; its cue is
     `cues[track_cue + t]`, its rest `rests[track_rest + t]`. Layer l spans the steps from `layer_first`
     up to its press at `layer_press` (or the end of the trial, for the last of a unit) and holds the
-    memories `layer_memories[l]` to `layer_memories[l + 1]`. Memory s reads the level of approval m at
-    step t from `memory_base[s, m] + t`, and goes to memory `memory_next[s, reason]` at the press:
-    reason 0 is mistake, 1 + m is approval m, and -1 says that it cannot happen. Unit u has the layers
+    memories `layer_memories[l]` to `layer_memories[l + 1]`. In memory s approval m is on track
+    `memory_track[s, m]`, its level at step t stored at `memory_base[s, m] + t`; s goes to memory
+    `memory_next[s, reason]` at the press: reason 0 is mistake, 1 + m is approval m, and -1 says that it
+    cannot happen. Unit u has the layers
     `unit_layers[u]` to `unit_layers[u + 1]` and the tracks `unit_tracks[u]` to `unit_tracks[u + 1]`.
     """
 
@@ -78,6 +79,7 @@ class Lattice(NamedTuple):
     layer_first: Ints
     layer_press: Ints
     layer_memories: Ints
+    memory_track: Ints
     memory_base: Ints
     memory_next: Ints
     unit_layers: Ints
@@ -261,6 +263,7 @@ def join(units: Sequence[_Unit]) -> Lattice:
     length = np.concatenate([unit.track_length for unit in units])
     first = np.concatenate([unit.track_first for unit in units])
     at = starts(list(length))[:-1]
+    memory_track = np.concatenate([tracks[u] + unit.memory_track for u, unit in enumerate(units)])
     return Lattice(
         cues=np.concatenate([unit.cues.ravel() for unit in units]),
         rests=np.concatenate([unit.rests for unit in units]),
@@ -277,9 +280,8 @@ def join(units: Sequence[_Unit]) -> Lattice:
         layer_first=np.concatenate([unit.layer_first for unit in units]),
         layer_press=np.concatenate([unit.layer_press for unit in units]),
         layer_memories=starts([size for unit in units for size in unit.layer_sizes]),
-        memory_base=np.concatenate(
-            [(at - first)[tracks[u] + unit.memory_track] for u, unit in enumerate(units)]
-        ),
+        memory_track=memory_track,
+        memory_base=(at - first)[memory_track],
         memory_next=np.concatenate(
             [
                 np.where(unit.memory_next >= 0, unit.memory_next + memories[u], -1)
