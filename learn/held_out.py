@@ -138,10 +138,10 @@ def held_out(
         raise FitError("no trials: a comparison needs some of at least two people")
     people = tuple(map(person_of, trials))
     fold = folds_of_people(people, folds, seed)
-    refit = _Refit(trials, fold, dict(fit_options or {}), blind)
-    refitted = map_in_order(refit, range(int(fold.max()) + 1), jobs, progress)
     world = trials[0].world
     scores = {arm: np.asarray(log_likelihoods(trials, world, model)) for arm, model in models.items()}
+    refit = _Refit(trials, fold, dict(fit_options or {}), blind)
+    refitted = map_in_order(refit, range(int(fold.max()) + 1), jobs, progress)
     for arm in refitted[0][2]:
         scores[arm] = np.empty(len(trials))
         for k, (_, _, of_fold) in enumerate(refitted):

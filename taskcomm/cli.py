@@ -179,6 +179,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the exit code is one of DONE, FAILED, USAGE, BAD_DATA, NOT_CONVERGED."""
     with warnings.catch_warnings():
         warnings.showwarning = _say_warning
+        warnings.simplefilter("always", UserWarning)
         try:
             app(args=_spread("--models", sys.argv[1:] if arguments is None else arguments))
         except SystemExit as stop:

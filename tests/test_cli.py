@@ -1,0 +1,391 @@
+"""The command line: what it writes, what it prints, its exit codes, and what it leaves when it fails."""
+
+import gzip
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import taskcomm.cli
+from taskcomm.cli import main
+from taskcomm.logs import read_trials
+from taskcomm.teacher import TeacherModel
+
+COMMANDS = ("simulate", "fit", "compare", "replay", "validate", "demo")
+DONE, FAILED, USAGE, BAD_DATA, NOT_CONVERGED = range(5)
+
+
+def run(*arguments: object) -> int:
+    return main([str(argument) for argument in arguments])
+
+
+def left_in(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Six operator trials of three people."""
+    path = tmp_path_factory.mktemp("logs") / "trials.jsonl"
+    code = run("simulate", "--robot", "operator", "--trials", 6, "--people", 3, "--jobs", 1, "--out", path)
+    assert code == DONE
+    return path
+
+
+@pytest.fixture(scope="module")
+def model(log: Path) -> Path:
+    """The model fitted to them."""
+    path = log.with_name("model.json")
+    assert run("fit", log, "--starts", 1, "--out", path) == DONE
+    return path
+
+
+def test_help_answers_in_half_a_second_and_every_command_shows_an_example() -> None:
+    fastest = float("inf")
+    for _ in range(5):
+        begun = time.perf_counter()
+        subprocess.run([sys.executable, "-m", "taskcomm.cli", "--help"], check=True, capture_output=True)
+        fastest = min(fastest, time.perf_counter() - begun)
+    assert fastest <= 0.5
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_of_every_command_shows_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(command, "--help") == DONE
+    shown = capsys.readouterr().out
+    assert f"Example: taskcomm {command}" in shown
+    assert "--json" in shown
+
+
+def test_fit_and_simulate_load_no_torch_and_no_plots(log: Path, tmp_path: Path) -> None:
+    script = (
+        "import sys; from taskcomm.cli import main\n"
+        f"code = main(['fit', {str(log)!r}, '--starts', '1', '--out', {str(tmp_path / 'm.json')!r}])\n"
+        "heavy = {'torch', 'sklearn', 'pomegranate', 'matplotlib', 'pandas'} & set(sys.modules)\n"
+        "sys.exit(code if not heavy else f'loaded {heavy}')"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == DONE, done.stderr
+
+
+def test_simulate_gives_the_same_bytes_for_a_seed_and_others_for_another(tmp_path: Path) -> None:
+    for name, seed, jobs in (("a.jsonl", 3, 1), ("b.jsonl", 3, 2), ("c.jsonl", 4, 1)):
+        arguments = ("--robot", "operator", "--trials", 3, "--seed", seed, "--jobs", jobs)
+        assert run("simulate", *arguments, "--out", tmp_path / name) == DONE
+    a, b, c = ((tmp_path / name).read_bytes() for name in ("a.jsonl", "b.jsonl", "c.jsonl"))
+    assert a == b
+    assert a != c
+
+
+def test_simulate_with_a_planning_robot_and_files_in_a_small_world(tmp_path: Path, model: Path) -> None:
+    out = tmp_path / "trials.jsonl.gz"
+    size = ("--balls", 2, "--distances", 1, "--horizon", 2, "--max-steps", 30, "--trials", 2, "--jobs", 1)
+    assert run("simulate", "--teacher", model, "--robot", model, *size, "--out", out) == DONE
+    assert gzip.decompress(out.read_bytes())
+    trials = read_trials(out)
+    assert {trial.robot_model["sha256"] for trial in trials if trial.robot_model} == {
+        TeacherModel.load(model).sha256
+    }
+    assert {trial.participant_id for trial in trials} == {"s0-p0", "s0-p1"}
+    assert all(trial.num_steps <= 30 for trial in trials)
+
+
+def test_every_result_has_a_record_of_settings_versions_and_hashes(log: Path, model: Path) -> None:
+    record = json.loads(model.with_name("model.json.run.json").read_text(encoding="utf-8"))
+    assert record["schema"] == "taskcomm.run/1"
+    assert record["settings"]["starts"] == 1
+    assert {"python", "numpy", "taskcomm"} <= set(record["versions"])
+    assert set(record["inputs"]) == {str(log)}
+    from taskcomm.commands.output import sha256_of
+
+    assert record["inputs"][str(log)] == sha256_of(log)
+    assert record["outputs"] == {"model.json": sha256_of(model)}
+
+
+def test_fit_prints_a_row_for_each_parameter_and_says_what_informed_it(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("fit", log, "--starts", 1, "--out", tmp_path / "m.json") == DONE
+    said = capsys.readouterr()
+    for word in ("parameter", "intuitive", "learned", "presses", "steps", "mistake", "that_dist.fall"):
+        assert word in said.out
+    assert "fitting 6 trials" in said.err
+    assert left_in(tmp_path) == {"m.json", "m.json.run.json"}
+
+
+def test_json_is_all_there_is_on_stdout(
+    log: Path, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = read_trials(log)[0].trial_id
+    jobs: dict[str, tuple[object, ...]] = {
+        "simulate": ("--robot", "operator", "--trials", 1, "--out", tmp_path / "t.jsonl"),
+        "fit": (log, "--starts", 1, "--out", tmp_path / "m.json"),
+        "replay": (log, "--trial", first, "--model", model, "--out", tmp_path / "r.svg"),
+        "validate": (log,),
+    }
+    for command, arguments in jobs.items():
+        assert run(command, *arguments, "--json") == DONE
+        document: dict[str, Any] = json.loads(capsys.readouterr().out)
+        assert document
+
+
+def test_a_fit_that_did_not_converge_writes_its_model_marked_and_says_so(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "m.json"
+    assert run("fit", log, "--starts", 1, "--max-iter", 1, "--out", out) == NOT_CONVERGED
+    assert TeacherModel.load(out).provenance["converged"] is False
+    assert "not converged" in capsys.readouterr().err
+    assert left_in(tmp_path) == {"m.json", "m.json.run.json"}
+
+
+def test_fit_without_task_cards_is_another_fit(log: Path, model: Path, tmp_path: Path) -> None:
+    out = tmp_path / "unknown.json"
+    assert run("fit", log, "--starts", 1, "--task-unknown", "--out", out) in (DONE, NOT_CONVERGED)
+    assert TeacherModel.load(out) != TeacherModel.load(model)
+
+
+def test_compare_writes_a_report_and_takes_several_models_after_one_option(
+    log: Path, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "results" / "cömpare"
+    settings = ("--closed-loop", 2, "--horizon", 1, "--max-steps", 20, "--decisions", 5, "--folds", 2)
+    quick = ("--starts", 1, "--jobs", 1, "--no-blind")
+    code = run("compare", log, "--models", "intuitive", model, *settings, *quick, "--out", out, "--json")
+    said = capsys.readouterr()
+    document = json.loads(said.out)
+    assert code == (DONE if document["folds_converged"] and "did not" not in said.err else NOT_CONVERGED)
+    assert set(document["held_out"]) == {"intuitive", "model", "learned"}
+    assert document["held_out"]["model"]["in_sample_trials"] == 6
+    files = {"report.md", "run.json", "comparison.json", "learned.json", "held-out.csv", "calibration.csv"}
+    for figure in ("table-tops", "time-to-final", "entropy"):
+        files |= {f"{figure}.png", f"{figure}.csv"}
+    assert left_in(out) == files
+    record = json.loads((out / "run.json").read_text(encoding="utf-8"))
+    assert set(record["inputs"]) == {str(log), str(model)}
+    assert set(record["outputs"]) == files - {"run.json"}
+    assert left_in(out.parent) == {"cömpare"}
+
+
+def test_replay_writes_the_figure_and_its_numbers(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    trial = read_trials(log)[2]
+    assert run("replay", log, "--trial", trial.trial_id, "--out", tmp_path / "r.png") == DONE
+    assert left_in(tmp_path) == {"r.png", "r.json", "r.png.run.json"}
+    document = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
+    assert len(document["entropy"]) == trial.num_steps + 1
+    assert len(document["presses"]) == int(trial.presses.sum())
+    assert [press["noted"] for press in document["presses"]] == [
+        step.mental_state for step in trial.steps if step.pressed
+    ]
+    assert "Why each press was made" in capsys.readouterr().out
+
+
+def test_replay_of_one_among_many_wants_its_name(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("replay", log) == USAGE
+    assert "holds 6 trials" in capsys.readouterr().err
+    assert run("replay", log, "--trial", "nobody") == USAGE
+    assert "no trial 'nobody'" in capsys.readouterr().err
+
+
+def test_validate_lists_problems_and_ends_with_bad_data(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("validate", log) == DONE
+    assert "6 trials" in capsys.readouterr().out
+    lines = log.read_text(encoding="utf-8").splitlines()
+    lines[3] = lines[3].replace('"t":2', '"t":7')
+    broken = tmp_path / "broken.jsonl"
+    broken.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert run("validate", broken) == BAD_DATA
+    assert f"{broken}, line 4" in capsys.readouterr().out.replace(":4", ", line 4")
+
+
+def bad_log(kind: str, log: Path, folder: Path) -> Path:
+    """A log with one thing wrong, at a path that is not ASCII."""
+    lines = log.read_text(encoding="utf-8").splitlines()
+    start = next(n for n in range(1, len(lines)) if '"trial_start"' in lines[n])
+    texts = {
+        "empty": "",
+        "foreign": "a,b\n1,2\n",
+        "truncated": "\n".join([*lines[: start - 5], lines[start - 5][:20], *lines[start - 4 : start]])
+        + "\n",
+        "duplicated": "\n".join(lines[:start] + lines[:start]) + "\n",
+        "out of order": "\n".join([lines[0], lines[2], lines[1], *lines[3:start]]) + "\n",
+        "invalid action": "\n".join(lines[:start]).replace("light_on", "release", 1) + "\n",
+        "card": "\n".join(lines[:start]).replace('"mov":', '"mov":9', 1) + "\n",
+        "version": "\n".join(lines[:start]).replace("taskcomm.trial/1", "taskcomm.trial/9", 1) + "\n",
+        "two dt": "\n".join(lines[:start] + [line.replace('"dt":0.5', '"dt":0.25') for line in lines[start:]])
+        + "\n",
+    }
+    path = folder / "schlechte Prüfung.jsonl"
+    path.write_text(texts[kind], encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "empty",
+        "foreign",
+        "truncated",
+        "duplicated",
+        "out of order",
+        "invalid action",
+        "card",
+        "version",
+        "two dt",
+    ],
+)
+def test_a_bad_log_is_one_message_and_leaves_no_file(
+    kind: str, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bad = bad_log(kind, log, tmp_path)
+    for command in ("fit", "compare"):
+        capsys.readouterr()
+        assert run(command, bad, "--out", tmp_path / "out") == BAD_DATA
+        said = capsys.readouterr()
+        assert said.out == ""
+        message = [line for line in said.err.splitlines() if line.startswith("error: ")]
+        assert len(message) == 1
+        assert "Traceback" not in said.err
+        assert kind == "two dt" or bad.name in message[0]
+        assert left_in(tmp_path) == {bad.name}
+
+
+def test_an_empty_folder_and_a_missing_log_are_told_apart(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "logs").mkdir()
+    assert run("fit", tmp_path / "logs", "--out", tmp_path / "m.json") == BAD_DATA
+    assert run("fit", tmp_path / "nothing.jsonl", "--out", tmp_path / "m.json") == USAGE
+    assert "does not exist" in capsys.readouterr().err
+    assert left_in(tmp_path) == {"logs"}
+
+
+def test_a_torn_last_line_is_named_and_the_rest_is_fitted(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    torn = tmp_path / "torn.jsonl"
+    torn.write_bytes(log.read_bytes()[:-30])
+    assert run("fit", torn, "--starts", 1, "--out", tmp_path / "m.json") == DONE
+    assert f"warning: {torn}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"schema": "taskcomm.teacher/9"}, "schema"),
+        ({"mistake": -1}, "mistake"),
+        ({"surprise": 1}, "surprise"),
+    ],
+)
+def test_a_bad_model_is_one_message_that_names_file_and_field(
+    change: dict[str, Any], reason: str, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bad = tmp_path / "bad.json"
+    bad.write_text(json.dumps(json.loads(TeacherModel.intuitive().to_json()) | change), encoding="utf-8")
+    assert run("fit", log, "--initial", bad, "--out", tmp_path / "m.json") == BAD_DATA
+    said = capsys.readouterr().err
+    assert str(bad) in said
+    assert reason in said
+    assert left_in(tmp_path) == {"bad.json"}
+
+
+def test_a_model_with_another_cue_or_step_is_bad_data(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other.json"
+    other.write_text(TeacherModel.intuitive().to_json().replace("mov_lit", "mov_sung"), encoding="utf-8")
+    TeacherModel.intuitive().with_dt(0.25).save(tmp_path / "quick.json")
+    before = left_in(tmp_path)
+    for name, reason in (("other.json", "mov_sung"), ("quick.json", "dt")):
+        for arguments in (
+            ("fit", log, "--initial", tmp_path / name, "--out", tmp_path / "m.json"),
+            ("compare", log, "--models", tmp_path / name, "--out", tmp_path / "dir"),
+            ("replay", log, "--trial", read_trials(log)[0].trial_id, "--model", tmp_path / name),
+        ):
+            assert run(*arguments) == BAD_DATA
+            assert reason in capsys.readouterr().err
+    slow = ("--trials", 1, "--out", tmp_path / "t.jsonl")
+    assert run("simulate", "--teacher", tmp_path / "quick.json", *slow) == BAD_DATA
+    assert left_in(tmp_path) == before
+
+
+def test_output_that_cannot_be_written_is_found_out_before_the_work(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def work(*_: object) -> None:
+        raise AssertionError("the work has begun")
+
+    monkeypatch.setattr("taskcomm.logs.LogReader.read", work)
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    nowhere = tmp_path / "no such folder" / "m.json"
+    for arguments in (
+        ("fit", log, "--out", nowhere),
+        ("fit", log, "--out", tmp_path),
+        ("compare", log, "--out", tmp_path / "file"),
+        ("compare", log, "--out", tmp_path / "file" / "below"),
+        ("demo", "--data", log.parent, "--out", tmp_path / "file"),
+        ("simulate", "--out", nowhere),
+    ):
+        assert run(*arguments) == FAILED
+        said = capsys.readouterr().err
+        assert said.startswith("error: ")
+        assert len(said.splitlines()) == 1
+    assert left_in(tmp_path) == {"file"}
+
+
+def test_usage_errors_end_with_two(log: Path, tmp_path: Path) -> None:
+    for arguments in (
+        ("fit",),
+        ("fit", log),
+        ("fit", log, "--out", tmp_path / "m.json", "--starts", 0),
+        ("fit", log, "--out", tmp_path / "m.json", "--initial", "nobody"),
+        ("simulate", "--out", tmp_path / "t.jsonl", "--robot", "nobody"),
+        ("replay", log, "--trial", "a", "--out", tmp_path / "figure.docx"),
+        ("frobnicate",),
+    ):
+        assert run(*arguments) == USAGE
+    assert left_in(tmp_path) == set()
+
+
+def test_a_failure_of_the_work_leaves_no_half_written_file(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("taskcomm.teacher.TeacherModel.save", fails)
+    (tmp_path / "m.json").write_text("as it was", encoding="utf-8")
+    assert run("fit", log, "--starts", 1, "--out", tmp_path / "m.json") == FAILED
+    assert (tmp_path / "m.json").read_text(encoding="utf-8") == "as it was"
+    assert left_in(tmp_path) == {"m.json"}
+
+
+def test_the_demo_says_where_it_looked_for_its_data(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from taskcomm.commands import demo
+
+    assert demo.study_folder().name == "simulated-study"
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(demo, "__file__", str(tmp_path / "a" / "b" / "c" / "demo.py"))
+    assert run("demo", "--out", tmp_path / "out") == BAD_DATA
+    said = capsys.readouterr().err
+    assert "simulated-study" in said
+    assert str(tmp_path) in said
+    assert left_in(tmp_path) == set()
+
+
+def test_an_option_that_takes_all_that_follow() -> None:
+    spread = taskcomm.cli._spread
+    assert spread("--models", ["a", "--models", "b", "c", "--out", "d", "e"]) == [
+        "a", "--models", "b", "--models", "c", "--out", "d", "e",
+    ]  # fmt: skip
+    assert spread("--models", ["--models", "a", "--models", "b"]) == ["--models", "a", "--models", "b"]
