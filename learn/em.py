@@ -22,7 +22,7 @@ from learn.optimum import (
     recombine,
 )
 from learn.result import FitResult, Start
-from learn.statistics import informed, marks_of, remarks_of, settle
+from learn.statistics import informed, marks_of, remarks_of, ridges, settle
 from taskcomm.lattice import Floats
 from taskcomm.teacher import ModelError, TeacherModel
 from taskcomm.trials import Trial
@@ -154,6 +154,7 @@ def fit(
     ends = np.array([path.values[-1] for path in paths])
     best = int(np.flatnonzero(ends >= ends.max() - 10 * COARSE)[0])
     if search:
+        paths[best].move(objective, paths[int(ends.argmax())].point)
         others = [path.point for path in paths]
         _search(objective, paths[best], others, max_iter, rtol, rng)
     tell(total - 1, total)
@@ -230,12 +231,12 @@ def _result(
     expectation = objective.expect(point)
     responsibilities = _responsibilities(objective, exposure)
     seen = informed(objective, vector, expectation)
-    marks = marks_of(space, point, slopes, seen, states)
+    marks = marks_of(space, point, slopes, seen, ridges(objective, point), states)
     value = expectation.value + objective.log_prior(vector)
     status = "converged"
     if not path.converged:
         status = f"not converged: EM still rising after {path.iterations} iterations"
-    elif settings["search"] and slopes.steepest > TOLERANCE:
+    elif slopes.steepest > TOLERANCE:
         status = f"not converged: a slope of {slopes.steepest:.3g} nats is left, above {TOLERANCE:g}"
     em_alone = max(path.em_alone for path in paths)
     names = names_of(states)
@@ -275,7 +276,7 @@ def _result(
         steps=dict(zip(names, map(float, seen.steps), strict=True)),
         presses=dict(zip(names, map(float, seen.presses), strict=True)),
         marks=marks,
-        remarks=remarks_of(marks, states, seen),
+        remarks=remarks_of(marks, states),
         free=space.free.copy(),
     )
 

@@ -13,6 +13,7 @@ from taskcomm.lattice import Floats
 
 BELOW_FULL = 1 - 1e-9
 LONGER = 1e-6
+STRETCH = 1.05
 
 
 class Informed(NamedTuple):
@@ -41,6 +42,7 @@ def informed(objective: Objective, vector: Floats, expectation: Expectation) -> 
             chain.lattice, chain.share, chain.slope, expectation.memory, expectation.press, steps, presses,
             reached,
         )  # fmt: skip
+        reached[np.isfinite(objective.base.decay) & (reached > 0)] = 1.0  # a plateau that decays hides it
         flat = [np.concatenate([counts[4, :1], counts[:4].ravel()]) for counts in (steps, presses)]
         return Informed(flat[0], flat[1], reached)
 
@@ -80,8 +82,30 @@ def settle(objective: Objective, point: Floats) -> Floats:
     return settled if objective.value(settled) >= value - 1e-9 else point
 
 
+def ridges(objective: Objective, point: Floats) -> list[bool]:
+    """Whether peak, rise and fall of each approval state can grow together and change nothing."""
+    space, value = objective.space, objective.value(point)
+    vector = space.vector(point)
+    states = (len(vector) - 1) // 4
+    result = []
+    for m in range(states):
+        rows = [1 + m, 1 + states + m, 1 + 2 * states + m]
+        stretch = min(STRETCH, *(space.longest[[m, states + m]] / vector[rows[1:]]))
+        stretched = vector.copy()
+        stretched[rows] *= stretch
+        fits = space.free[rows].all() and stretch > 1 + LONGER and stretched[: 1 + states].sum() < 1
+        same = fits and abs(objective.value(space.point(stretched)) - value) < 1e-12 * max(1, abs(value))
+        result.append(bool(same))
+    return result
+
+
 def marks_of(
-    space: Coordinates, point: Floats, slopes: Slopes, seen: Informed, states: Sequence[str]
+    space: Coordinates,
+    point: Floats,
+    slopes: Slopes,
+    seen: Informed,
+    ridge: Sequence[bool],
+    states: Sequence[str],
 ) -> dict[str, str]:
     """A remark for each natural parameter, "" where there is none."""
     names = names_of(states)
@@ -100,15 +124,14 @@ def marks_of(
             marks[names[i]] = "at its bound"
         elif kink:
             marks[names[i]] = "at a kink"
-    for m in range(len(states)):
-        rows = [1 + m, 1 + len(states) + m, 1 + 2 * len(states) + m]
-        if 0 < seen.reached[m] < BELOW_FULL and space.free[rows].all():
-            for i in rows:
-                marks[names[i]] = "ridge"
+    for m, state in enumerate(states):
+        if ridge[m] and marks[f"{state}.peak"] == "":
+            for name in NAMES[:3]:
+                marks[f"{state}.{name}"] = marks[f"{state}.{name}"].replace("at a kink", "") or "ridge"
     return marks
 
 
-def remarks_of(marks: Mapping[str, str], states: Sequence[str], seen: Informed) -> tuple[str, ...]:
+def remarks_of(marks: Mapping[str, str], states: Sequence[str]) -> tuple[str, ...]:
     """The marks as sentences."""
     sentences = {
         "at a kink": "has its best value at a kink: the likelihood falls to either side at a slope",
@@ -116,10 +139,10 @@ def remarks_of(marks: Mapping[str, str], states: Sequence[str], seen: Informed) 
         "no data": "has no data: no step bears on it, and it stays where it was",
     }
     remarks = [f"{name} {sentences[mark]}." for name, mark in marks.items() if mark in sentences]
-    for m, state in enumerate(states):
-        if marks[f"{state}.peak"] == "ridge":
-            remarks.append(
-                f"{state}: its level never reached 1 (at most {seen.reached[m]:.3g}), so only peak/rise and"
-                " peak/fall are known; peak, rise and fall may grow together."
-            )
+    remarks += [
+        f"{state}: its level is never held at 1, so only peak/rise and peak/fall are known; peak, rise and"
+        " fall may grow together, and the smallest that fit are given."
+        for state in states
+        if marks[f"{state}.peak"] == "ridge"
+    ]
     return tuple(remarks)
