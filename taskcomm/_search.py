@@ -19,7 +19,11 @@ the sum of w KL(row || best task) over the rows of all tasks but the best, which
 belief is peaked. Both are linear in w for a fixed output distribution, and so hold for the
 expectation over all that may be observed until then.
 
-Layout. `row[r]` is (weight, levels, on-times) and `task[r]` its task; rows of one task are adjacent.
+Merging. Adjacent tasks with equal memories that no step to come can tell apart become one, of their
+summed weight. What they differ by stays as it is: with W the sum of W_1 and W_2,
+-W_1 ln W_1 - W_2 ln W_2 = -W ln W + inner, and `inner` scales with W along every branch.
+
+Layout. `row[r]` is (weight, inner, levels, on-times) and `task[r]` its task; rows of one task are adjacent.
 `top[m]` holds the table-top of approval m by the columns below. `trail[d]` is the world node at
 depth d, `past` the patterns shown before depth 0 and at it, newest last. Frames of the search
 (one per depth) are the rows of `real` and `whole`. All kernels are in this one file since the compiler's
@@ -30,11 +34,13 @@ import numpy as np
 
 from taskcomm.compiling import kernel
 
+WEIGHT, INNER, LEVEL = range(3)  # columns of row: the levels begin at LEVEL, the on-times after them
 PEAK, UP, DOWN, FIRST_UP, FIRST_DOWN, FIRST, LAST, LATE, DECAY, HOLD = range(10)  # columns of top
 MASS, HIGHEST, OTHERS, BEST, INFORMATION, CAPACITY, REACHED = range(7)  # columns of gain
 SILENT, PRESS, PRESSED, BOUND = range(4)  # rows of table[depth], by action
 COST, CUTOFF, SLACK, LEAST, ROOM, LEAST_PRESS, VALUE = range(7)  # columns of real
 START, STOP, STEPS, SINCE, AT, PHASE, SILENT_START, PRESS_STOP = range(8)  # columns of whole
+ROUNDING = 1e-13  # relative difference of weights that are equal but for rounding
 ENTER, AFTER_SILENT, AFTER_PRESS = range(3)  # phases
 
 _kernel = kernel(__name__, "the planner's search")
@@ -72,11 +78,11 @@ def _look_ahead(top, pattern, past, trail, task, row, ahead, depth, start, stop,
     shown now changes nothing, and both are what the path says.
     """
     states = len(top)
-    decays = row.shape[1] > 1 + states
+    decays = row.shape[1] > LEVEL + states
     for m in range(states):
         lag, bit = int(top[m, LATE]), 1 << m
         for r in range(start, stop):
-            level, on_time = row[r, 1 + m], row[r, 1 + states + m] if decays else 0.0
+            level, on_time = row[r, LEVEL + m], row[r, LEVEL + states + m] if decays else 0.0
             if top[m, FIRST] > 0.0:
                 if _seen(pattern, past, trail, depth - lag, task[r]) & bit != 0:
                     level, on_time = min(1.0, level + top[m, FIRST_UP]), on_time + top[m, FIRST]
@@ -104,8 +110,9 @@ def _look_ahead(top, pattern, past, trail, task, row, ahead, depth, start, stop,
 def _branches(weight, own, pressed, group, g, at):
     """(mass, x ln x of it, x ln x of the rest) of one task's press branch, into group[g, at : at + 3].
 
-    `own` is x ln x of the task's whole weight. Tasks of equal press probability share its logarithms,
-    kept from the last call in the last row of `group`.
+    The two less their shares of `inner`, as is `own`: x ln x of the task's whole weight less `inner`.
+    Tasks of equal press probability share its logarithms, kept from the last call in the last row of
+    `group`.
     """
     group[g, at] = group[g, at + 1] = group[g, at + 2] = 0.0
     if weight > 0.0:
@@ -125,7 +132,7 @@ def _pressed(mu, row, ahead, begin, end, shown):
         probability = mu
         for m in range(ahead.shape[1]):
             probability += ahead[r, m, shown >> m & 1, 1]
-        total += row[r, 0] * probability
+        total += row[r, WEIGHT] * probability
     return total
 
 
@@ -133,20 +140,21 @@ def _pressed(mu, row, ahead, begin, end, shown):
 def _one_step(mu, first, count, successor, pattern, node, task, row, ahead, start, stop, group, table):
     """C and mass of both branches of every action at `node`, into table (4, actions).
 
-    group[g] is: where the task's rows begin, its weight, x ln x of it, what the first action shows for
-    it, `_branches` of that; what another action shows for it, `_branches` of that. What actions show
-    alike is counted once. The last row of `group` is for `_branches`.
+    group[g] is: where the task's rows begin, its weight W, W ln W less `inner`; what the first action
+    shows for it, `_branches` of that; what another action shows for it, `_branches` of that. What actions
+    show alike is counted once. The last row of `group` is for `_branches`.
     """
     base = successor[first[node]]
     group[-1, 0] = -1.0
     groups, at = 0, start
     press, silent, mass, total = 0.0, 0.0, 0.0, 0.0
     while at < stop:
-        begin, weight = at, 0.0
+        begin, weight, inner = at, 0.0, 0.0
         while at < stop and task[at] == task[begin]:
-            weight += row[at, 0]
+            weight += row[at, WEIGHT]
+            inner += row[at, INNER]
             at += 1
-        shown, own = pattern[base, task[begin]], _xlogx(weight)
+        shown, own = pattern[base, task[begin]], _xlogx(weight) - inner
         group[groups, 0], group[groups, 1], group[groups, 2] = begin, weight, own
         group[groups, 3], group[groups, 7] = shown, -1.0
         _branches(weight, own, _pressed(mu, row, ahead, begin, at, shown), group, groups, 4)
@@ -181,31 +189,83 @@ def _children(mu, pattern, node, task, row, ahead, start, stop):
     press branch comes first since it is searched last, and must not be overwritten until then.
     """
     states = ahead.shape[1]
-    decays = row.shape[1] > 1 + states
+    decays = row.shape[1] > LEVEL + states
     press_stop, silent_start = stop, stop + (stop - start) * (states + 1)
     if silent_start + (stop - start) > len(task):
         return -1, -1
     for r in range(start, stop):
         silent, shown, approved = silent_start + r - start, pattern[node, task[r]], 0.0
         for m in range(states):
-            row[silent, 1 + m] = ahead[r, m, shown >> m & 1, 0]
+            row[silent, LEVEL + m] = ahead[r, m, shown >> m & 1, 0]
             if decays:
-                row[silent, 1 + states + m] = ahead[r, m, shown >> m & 1, 2]
+                row[silent, LEVEL + states + m] = ahead[r, m, shown >> m & 1, 2]
         for m in range(-1, states):  # a mistake, then the resets
             probability = mu if m < 0 else ahead[r, m, shown >> m & 1, 1]
             approved += probability
             if probability > 0.0:
                 task[press_stop] = task[r]
-                for column in range(1, row.shape[1]):
+                for column in range(LEVEL, row.shape[1]):
                     row[press_stop, column] = row[silent, column]
                 if m >= 0:
-                    row[press_stop, 1 + m] = 0.0
+                    row[press_stop, LEVEL + m] = 0.0
                     if decays:
-                        row[press_stop, 1 + states + m] = 0.0
-                row[press_stop, 0] = row[r, 0] * probability
+                        row[press_stop, LEVEL + states + m] = 0.0
+                row[press_stop, WEIGHT] = row[r, WEIGHT] * probability
+                row[press_stop, INNER] = row[r, INNER] * probability
                 press_stop += 1
-        task[silent], row[silent, 0] = task[r], row[r, 0] * (1.0 - approved)
+        task[silent], row[silent, WEIGHT] = task[r], row[r, WEIGHT] * (1.0 - approved)
+        row[silent, INNER] = row[r, INNER] * (1.0 - approved)
     return press_stop, silent_start
+
+
+@_kernel
+def _alike(run, pattern, past, trail, task, row, depth, a, a_stop, b, b_stop):
+    """Whether two tasks, the rows [a, a_stop) and [b, b_stop), can be told apart by no step to come."""
+    if a_stop - a != b_stop - b or run[task[a]] != run[task[b]]:
+        return False
+    for back in range(len(past) - 1):  # what is still to be seen late
+        at = depth - back
+        if _seen(pattern, past, trail, at, task[a]) != _seen(pattern, past, trail, at, task[b]):
+            return False
+    weight_a, weight_b = row[a:a_stop, WEIGHT].sum(), row[b:b_stop, WEIGHT].sum()
+    for i in range(a_stop - a):
+        for column in range(LEVEL, row.shape[1]):
+            if row[a + i, column] != row[b + i, column]:
+                return False
+        skew = row[a + i, WEIGHT] * weight_b - row[b + i, WEIGHT] * weight_a
+        if abs(skew) > ROUNDING * weight_a * weight_b:
+            return False
+    return True
+
+
+@_kernel
+def _merge(run, pattern, past, trail, task, row, depth, start, stop):
+    """Make one of adjacent tasks that are `_alike`, in place; where the rows stop then."""
+    at, last, end = start, start, start  # [last, end) is the task written last
+    while at < stop:
+        begin = at
+        while at < stop and task[at] == task[begin]:
+            at += 1
+        if end > start and _alike(run, pattern, past, trail, task, row, depth, last, end, begin, at):
+            before, added, inner = 0.0, 0.0, 0.0
+            for i in range(at - begin):
+                before, added = before + row[last + i, WEIGHT], added + row[begin + i, WEIGHT]
+                inner += row[last + i, INNER] + row[begin + i, INNER]
+            total = before + added
+            inner += _xlogx(total) - _xlogx(before) - _xlogx(added)
+            for i in range(at - begin):
+                row[last + i, WEIGHT] += row[begin + i, WEIGHT]
+                if total > 0.0:
+                    row[last + i, INNER] = inner * row[last + i, WEIGHT] / total
+        else:
+            last = end
+            for r in range(begin, at):
+                if r != end:
+                    task[end] = task[r]
+                    for column in range(row.shape[1]):
+                        row[end, column] = row[r, column]
+                end += 1
+    return end
 
 
 @_kernel
@@ -221,7 +281,7 @@ def _highest(top, mu, row, r, show, climb, steps, gain):
     for k in range(steps):
         gain[k, REACHED] = mu
     for m in range(len(top)):
-        level, bit, lag = row[r, 1 + m], 1 << m, int(top[m, LATE])
+        level, bit, lag = row[r, LEVEL + m], 1 << m, int(top[m, LATE])
         peak, up, down = top[m, PEAK], top[m, UP], top[m, DOWN]
         now += peak * level
         late += peak * (lag * (up + top[m, FIRST_UP]) + top[m, FIRST_UP])
@@ -254,7 +314,7 @@ def _best_task(task, row, start, stop):
     while at < stop:
         begin, weight = at, 0.0
         while at < stop and task[at] == task[begin]:
-            weight += row[at, 0]
+            weight += row[at, WEIGHT]
             at += 1
         total += weight
         if weight > most:
@@ -289,10 +349,10 @@ def _gains(top, mu, pattern, past, trail, reach, climb, task, row, depth, start,
             _highest(top, mu, row, r, show, climb[node, :, task[r]], steps, gain)
             for k in range(steps):
                 above = gain[k, REACHED] - mu
-                gain[k, MASS] += row[r, 0] * above
+                gain[k, MASS] += row[r, WEIGHT] * above
                 gain[k, HIGHEST] = max(gain[k, HIGHEST], gain[k, REACHED])
                 if others:
-                    gain[k, OTHERS] += row[r, 0] * max(gain[k, BEST], slope * above)
+                    gain[k, OTHERS] += row[r, WEIGHT] * max(gain[k, BEST], slope * above)
             r += 1
         for k in range(steps):
             gain[k, BEST] = _divergence(mu, gain[k, HIGHEST])
@@ -344,7 +404,7 @@ def _push(real, whole, depth, start, stop, steps, since, cost, cutoff):
 
 @_kernel
 def search(
-    top, mu, rest_steps, first, count, successor, pattern, reach, climb, past,
+    top, mu, rest_steps, first, count, successor, pattern, reach, climb, run, past,
     task, row, ahead, trail, table, exact, order, group, show, gain, real, whole,
     rows, steps, since, cost, slack, gamma,
 ):  # fmt: skip
@@ -360,14 +420,17 @@ def search(
         start, stop, steps = whole[depth, START], whole[depth, STOP], whole[depth, STEPS]
         node, resting = trail[depth], whole[depth, SINCE] < rest_steps
         if whole[depth, PHASE] == ENTER:
-            _gains(
-                top, mu, pattern, past, trail, reach, climb, task, row, depth, start, stop, steps, show,
-                gain[depth],
-            )  # fmt: skip
-            value = _least_future(gain[depth], INFORMATION, 1.0, 0, steps, real[depth, COST], gamma)
-            if value >= real[depth, CUTOFF]:
-                depth -= 1
-                continue
+            stop = _merge(run[node, steps], pattern, past, trail, task, row, depth, start, stop)
+            whole[depth, STOP] = stop
+            if steps > 1:
+                _gains(
+                    top, mu, pattern, past, trail, reach, climb, task, row, depth, start, stop, steps, show,
+                    gain[depth],
+                )  # fmt: skip
+                value = _least_future(gain[depth], INFORMATION, 1.0, 0, steps, real[depth, COST], gamma)
+                if value >= real[depth, CUTOFF]:
+                    depth -= 1
+                    continue
             nodes += 1
             _look_ahead(top, pattern, past, trail, task, row, ahead, depth, start, stop, resting)
             _one_step(

@@ -89,6 +89,14 @@ class EntropyPlanner:
         if rng is not None:
             self._random = rng
 
+    def warm_up(self) -> None:
+        """Load the compiled search, so that the first decision takes no longer than the others.
+
+        From the cache it takes a moment; on a new machine it compiles for some seconds, and says so.
+        """
+        quick = EntropyPlanner(self.world, self.model, horizon=1)
+        quick.plan(Belief.initial(self.world, self.model), self.world.start())
+
     def plan(self, belief: Belief, state: Hashable, exact_values: bool = False) -> Decision:
         """The decision in world `state` under `belief`.
 
@@ -135,10 +143,11 @@ def _searched(
     states, rows, most = len(p.peak), len(belief.task), int(graph.count.max())
     decays = bool(np.isfinite(p.decay).any())
     capacity = max(capacity, rows * (states + 3))
-    task, row = np.zeros(capacity, dtype=np.int64), np.zeros((capacity, 1 + states * (1 + decays)))
-    task[:rows], row[:rows, 0], row[:rows, 1 : 1 + states] = belief.task, belief.weight, belief.level
+    task, row = np.zeros(capacity, dtype=np.int64), np.zeros((capacity, 2 + states * (1 + decays)))
+    task[:rows], row[:rows, _search.WEIGHT] = belief.task, belief.weight
+    row[:rows, _search.LEVEL : _search.LEVEL + states] = belief.level
     if decays:
-        row[:rows, 1 + states :] = belief.on_time
+        row[:rows, _search.LEVEL + states :] = belief.on_time
     bits = (1 << np.arange(states)).astype(np.uint16)[None, :, None]
     past = np.where(belief.seen, bits, np.uint16(0)).sum(axis=1).astype(np.uint16)
     first = p.part_late * p.dt
@@ -150,7 +159,7 @@ def _searched(
         np.column_stack([p.peak, *speeds, first, last, p.steps_late, p.decay, p.hold]),
         p.mistake,
         p.rest_steps,
-        *(graph.first, graph.count, graph.successor, graph.pattern, graph.reach, graph.climb),
+        *(graph.first, graph.count, graph.successor, graph.pattern, graph.reach, graph.climb, graph.run),
         past,
         task,
         row,

@@ -19,7 +19,8 @@ class WorldGraph:
     `pattern[n, task]` has bit m set where the cue of approval m is on; `reach[n, d, task]` has it
     set where the cue is on in some state that 1 to d steps from n lead to; `climb[n, d, task]` is the most
     that d steps on one path from n can collect where each state pays `worth[m]` for each cue that
-    is on (both filled up to `depth[n]`). `cue` (M,) are the rows of `world.cues(state)` that the teacher
+    is on; `run[n, d, task]` numbers runs of adjacent tasks that no path of d steps from n can tell apart
+    (all filled up to `depth[n]`). `cue` (M,) are the rows of `world.cues(state)` that the teacher
     model uses.
     """
 
@@ -41,6 +42,7 @@ class WorldGraph:
         self.pay = np.zeros((256, tasks))
         self.reach = np.zeros((256, horizon + 1, tasks), dtype=np.uint16)
         self.climb = np.zeros((256, horizon + 1, tasks))
+        self.run = np.zeros((256, horizon + 1, tasks), dtype=np.int32)
         self.successor = np.zeros(1024, dtype=np.int64)
         self._used = 0
 
@@ -51,7 +53,7 @@ class WorldGraph:
             return index
         index = len(self.states)
         if index == len(self.first):
-            for name in ("first", "count", "depth", "pattern", "pay", "reach", "climb"):
+            for name in ("first", "count", "depth", "pattern", "pay", "reach", "climb", "run"):
                 setattr(self, name, _doubled(getattr(self, name)))
         self.states.append(state)
         self.actions.append(())
@@ -95,11 +97,19 @@ class WorldGraph:
             for layer in layers[: depth - steps + 1]:
                 for node in layer:
                     if self.depth[node] < steps:
-                        after = self._after(node)
-                        on = self.pattern[after] | self.reach[after, steps - 1]
-                        self.reach[node, steps] = np.bitwise_or.reduce(on, axis=0)
-                        self.climb[node, steps] = (self.pay[after] + self.climb[after, steps - 1]).max(axis=0)
-                        self.depth[node] = steps
+                        self._fill(node, steps)
+
+    def _fill(self, node: int, steps: int) -> None:
+        """What `steps` steps from a node can show, from what one step less can show from its successors."""
+        after = self._after(node)
+        shown = self.pattern[after]
+        self.reach[node, steps] = np.bitwise_or.reduce(shown | self.reach[after, steps - 1], axis=0)
+        self.climb[node, steps] = (self.pay[after] + self.climb[after, steps - 1]).max(axis=0)
+        differ = np.diff(shown, axis=1) != 0
+        if steps > 1:
+            differ |= np.diff(self.run[after, steps - 1], axis=1) != 0
+        self.run[node, steps, 1:] = np.cumsum(differ.any(axis=0))
+        self.depth[node] = steps
 
     def _after(self, node: int) -> list[int]:
         first = self.first[node]
