@@ -174,7 +174,7 @@ def _classes() -> Any:
                 vector = torch.tensor(at, requires_grad=True)
                 value = (weight * self._log_probability(X, vector)).sum()
                 (rates,) = torch.autograd.grad(value, vector)
-                return float(value), space.rates(at, rates.numpy())
+                return float(value.detach()), space.rates(at, rates.numpy())
 
             climb = climb_from(value_and_rates, space.point(self.vector.numpy()))
             climb = ascend(value_and_rates, climb, space.least, space.most, self.steps)
