@@ -32,6 +32,7 @@ STYLE: Any = {
     "axes.spines.right": False,
     "legend.frameon": False,
     "legend.fontsize": 9,
+    "legend.handlelength": 2.9,
     "figure.constrained_layout.use": True,
 }
 
@@ -159,6 +160,10 @@ def table_top_rows(models: Mapping[str, TeacherModel], seconds: float = 12.0) ->
     ]
 
 
+def _legend_below(ax: Axes, columns: int) -> None:
+    ax.legend(loc="upper left", bbox_to_anchor=(0.0, -0.16), ncols=min(columns, 4), borderaxespad=0.2)
+
+
 @styled
 def time_to_final(loop: ClosedLoop, ax: Axes | None = None) -> Axes:
     """Share of trials in which the right Final (bold), and any Final (thin), was shown by a time."""
@@ -180,7 +185,7 @@ def time_to_final(loop: ClosedLoop, ax: Axes | None = None) -> Axes:
     ax.set_xlabel("seconds")
     ax.set_ylabel("share of trials")
     ax.set_title("Final shown by then: rightly (bold), at all (thin)")
-    ax.legend(loc="lower right")
+    _legend_below(ax, columns=1)
     return ax
 
 
@@ -212,7 +217,7 @@ def entropy_over_time(loop: ClosedLoop, ax: Axes | None = None) -> Axes:
     ax.set_xlabel("seconds")
     ax.set_ylabel("entropy of the task (nats)")
     ax.set_title("Median (line) and quartiles (band); after Final, as it stood")
-    ax.legend(loc="upper right")
+    _legend_below(ax, columns=len(loop.arms))
     return ax
 
 

@@ -82,17 +82,17 @@ def reasons_of_presses(reasons: Sequence[PressReason], ax: Axes | None = None) -
                 alpha=0.55 if when == "at_once" else 1.0,
                 label=state if when == "at_end" else None,
             )
-    crowded = len(reasons) > 8
-    for number, reason in enumerate(reasons):
-        if reason.noted is not None and not crowded:
-            ax.text(number, 1.03, f"truly {reason.noted}", ha="center", va="bottom", fontsize=7.5)
-    labels = [f"{reason.time:g}" if crowded else f"{reason.time:g} s" for reason in reasons]
-    ax.set_xticks(range(len(reasons)), labels, fontsize=7 if crowded else None)
+    noted = len(reasons) <= 12 and any(reason.noted is not None for reason in reasons)
+    labels = [f"{reason.time:g} s" + (f"\n{reason.noted}" if noted else "") for reason in reasons]
+    ax.set_xticks(range(len(reasons)), labels, fontsize=9 if len(reasons) < 8 else 7.5)
+    if len(reasons) > 16:
+        ax.tick_params(axis="x", labelrotation=90)
     ax.set_xlim(-0.6, max(len(reasons), 1) - 0.4)
-    ax.set_ylim(0, 1.18)
+    ax.set_ylim(0, 1.02)
     ax.set_yticks([0, 0.5, 1])
     ax.set_ylabel("probability")
-    ax.set_title("why it was pressed: as believed then (pale), and at the end (full)", pad=8)
+    more = "; below, the true reason" if noted else ""
+    ax.set_title(f"why it was pressed: as believed then (pale), at the end (full){more}")
     if states:
         ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
     return ax

@@ -74,12 +74,19 @@ def _text(*sentences: str) -> str:
     return " ".join(sentence for sentence in sentences if sentence)
 
 
+def _named(found: Comparison, arm: str) -> str:
+    """The arm, marked where it was fitted to some of the logs themselves."""
+    inside = int(found.held_out.in_sample[arm].sum())
+    return f"{arm} (in-sample: {inside} of {found.trials} trials)" if inside else arm
+
+
 def _data(found: Comparison) -> str:
     return _text(
         source_sentence(found.sources),
         f"{found.trials} trials, {found.people} people, {found.presses} presses.",
         "Intervals are 95% bootstrap intervals that resample people whole (simulated teachers, in the",
-        "closed loop).",
+        "closed loop). Where all or none of the trials were right they have no width: no exception was",
+        "seen, which does not say that there is none.",
     )
 
 
@@ -111,13 +118,11 @@ def _held_out(found: Comparison) -> str:
     scored, base = found.held_out, found.baseline
     rows = []
     for arm in scored.arms:
-        inside = int(scored.in_sample[arm].sum())
-        mark = f" (in-sample: {inside} of {found.trials} trials)" if inside else ""
         gains = ["", ""]
         if arm != base:
             gains = [span(scored.per_trial(arm, base)), span(scored.per_press(arm, base), ".3f")]
         total = f"{scored.log_likelihood[arm].sum():.1f}"
-        rows.append([arm + mark, total, span(scored.per_trial(arm)), *gains])
+        rows.append([_named(found, arm), total, span(scored.per_trial(arm)), *gains])
     columns = ["model", "log-likelihood", "per trial", f"per trial, minus {base}", f"per press, minus {base}"]
     failed = scored.converged.count(False)
     about = _text(
@@ -138,7 +143,7 @@ def _decisions(found: Comparison) -> str:
     if not found.disagreement:
         return ""
     rows = [
-        [arm, len(d.differs), d.walking, span(d.share), span(d.mean_loss, ".4f")]
+        [_named(found, arm), len(d.differs), d.walking, span(d.share), span(d.mean_loss, ".4f")]
         for arm, d in found.disagreement.items()
     ]
     horizon = next(iter(found.disagreement.values())).horizon
@@ -195,7 +200,8 @@ def _calibration(found: Comparison) -> str:
         for arm, c in judged.items():
             threshold = c.threshold
             said = f"{c.said:.3f}" if c.sure else "none"
-            rows.append([f"{arm}, {where}", f"{c.sure} of {c.trials}", said, span(c.right, ".3f")])
+            name = _named(found, arm) if where == "logs" else arm
+            rows.append([f"{name}, {where}", f"{c.sure} of {c.trials}", said, span(c.right, ".3f")])
     if not rows:
         return ""
     about = _text(
