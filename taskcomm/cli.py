@@ -175,6 +175,23 @@ def demo(
     raise typer.Exit(command.run(**settings))
 
 
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from taskcomm import __version__
+
+        typer.echo(f"taskcomm {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Human-robot task communication: simulate teachers, fit them, compare robots, replay trials."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the exit code is one of DONE, FAILED, USAGE, BAD_DATA, NOT_CONVERGED."""
     with warnings.catch_warnings():
