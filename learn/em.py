@@ -2,16 +2,16 @@
 
 import platform
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from learn.coordinates import Bounds, Coordinates, model_at, names_of, vector_of
+from learn.coordinates import Bounds, Coordinates, model_at, names_of
 from learn.estep import Evidence
 from learn.exposure import Exposure, FitError, expose
-from learn.mstep import MistakePrior, Objective, maximise
+from learn.mstep import MistakePrior, Objective
 from learn.optimum import (
     COARSE,
     TOLERANCE,
@@ -21,6 +21,7 @@ from learn.optimum import (
     polish,
     recombine,
 )
+from learn.path import Path, starting_points
 from learn.result import FitResult, Start
 from learn.statistics import informed, marks_of, remarks_of, ridges, settle
 from taskcomm.lattice import Floats
@@ -31,71 +32,6 @@ from taskcomm.world import World
 Progress = Callable[[int, int], None]
 ROUNDS = 4
 MOST_MEMORIES = 20_000
-
-
-@dataclass
-class Path:
-    """The objective along one start: EM, search, EM again. It never falls."""
-
-    name: str
-    point: Floats
-    values: list[float] = field(default_factory=list)
-    iterations: int = 0
-    converged: bool = False
-    em_alone: float = 0.0
-    searched: float = 0.0
-
-    def run(self, objective: Objective, max_iter: int, rtol: float) -> None:
-        """EM from where the path stands, within what is left of `max_iter` iterations."""
-        metric, self.converged = None, False
-        value = None
-        while True:
-            expectation = objective.expect(self.point)
-            after = expectation.value + objective.log_prior(objective.space.vector(self.point))
-            self.values.append(after)
-            if value is not None and after - value <= rtol * abs(after):
-                self.converged = True
-                return
-            if self.iterations >= max_iter:
-                return
-            value = after
-            self.iterations += 1
-            self.point, metric = maximise(objective, self.point, expectation, metric)
-
-    def move(self, objective: Objective, point: Floats) -> float:
-        """Go to `point` if the objective is higher there; the gain."""
-        value = objective.value(point)
-        gain = value - self.values[-1]
-        if not gain > 0:
-            return 0.0
-        self.point = point
-        self.values.append(value)
-        return gain
-
-
-def starting_points(
-    model: TeacherModel, space: Coordinates, count: int, delays: bool, rng: np.random.Generator
-) -> list[tuple[str, Floats]]:
-    """The initial model first, then wide supports (long falls, no delay), then seeded random ones."""
-    states = len(model.approvals)
-    vector = vector_of(model)
-
-    def with_times(rise: ArrayLike, fall: ArrayLike, delay: ArrayLike) -> Floats:
-        other = vector.copy()
-        times = [np.broadcast_to(value, states) for value in (rise, fall, delay)]
-        other[1 + states :] = np.where(space.free[1 + states :], np.concatenate(times), vector[1 + states :])
-        return space.point(other)
-
-    points = [("initial", space.point(vector))]
-    for rise, fall in ((1.0, 6.0), (4.0, 6.0), (model.dt, 8.0)):
-        points.append((f"wide: rise {rise:g} s, fall {fall:g} s", with_times(rise, fall, 0.0)))
-    if delays:
-        points.insert(2, ("late: rise 1 s, fall 2 s, delay 0.75 s", with_times(1.0, 2.0, 0.75)))
-    while len(points) < count:
-        rise, fall = model.dt * np.exp(rng.uniform(0, np.log(12), size=(2, states)))
-        name = f"random {len(points)}"
-        points.append((name, with_times(rise, fall, rng.uniform(0, 1, size=states) * delays)))
-    return points[:count]
 
 
 def fit(
@@ -128,6 +64,14 @@ def fit(
     Deterministic for a seed; the order of the trials does not matter (but for rounding). Raises FitError
     for trials that cannot be fitted together or with this model, see `expose`, and for one with more
     than MOST_MEMORIES memories under one task: shorter bounds help.
+
+    >>> from taskcomm.world import NOA, Action, BallWorld
+    >>> from taskcomm.trials import Step
+    >>> steps = [Step(Action.parse("light_on(1)"), False)] + [Step(NOA, t % 4 == 3) for t in range(40)]
+    >>> trial = Trial("example", BallWorld(), BallWorld().tasks[0], tuple(steps))
+    >>> result = fit([trial], starts=1)
+    >>> result.converged, result.marks["that_mov.fall"]
+    (True, 'no data')
 
     Source: MODEL.md, section 7.
     """

@@ -113,8 +113,11 @@ def expose(
             units += [build_unit(table, trial.presses, extent, model.dt, most) for table in tables]
         except LatticeTooLarge as error:
             raise FitError(f"trial {trial.trial_id}: {error}") from None
-        except ValueError as error:
-            raise FitError(str(error)) from None
+        except ValueError as error:  # a task or an action that its world does not have
+            told = (
+                str(error) if f"trial {trial.trial_id}:" in str(error) else f"trial {trial.trial_id}: {error}"
+            )
+            raise FitError(told) from None
         ever |= np.any([table.any(axis=0) for table in tables], axis=0)
         unit_trial += [number] * len(tables)
         unit_tasks += shares

@@ -64,8 +64,8 @@ class Lattice(NamedTuple):
     memories `layer_memories[l]` to `layer_memories[l + 1]`. In memory s approval m is on track
     `memory_track[s, m]`, its level at step t stored at `memory_base[s, m] + t`; s goes to memory
     `memory_next[s, reason]` at the press: reason 0 is mistake, 1 + m is approval m, and -1 says that it
-    cannot happen. Unit u has the layers
-    `unit_layers[u]` to `unit_layers[u + 1]` and the tracks `unit_tracks[u]` to `unit_tracks[u + 1]`.
+    cannot happen. Unit u has the layers `unit_layers[u]` to `unit_layers[u + 1]` and the tracks
+    `unit_tracks[u]` to `unit_tracks[u + 1]`.
     """
 
     cues: NDArray[np.uint8]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import oracles
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from strategies import models, walks
 from taught import WORLD, by_hand, operator_trials, teacher
@@ -32,7 +32,6 @@ def short_trials(draw: st.DrawFn) -> Trial:
     )
 
 
-@settings(max_examples=60)
 @given(short_trials(), models())
 def test_reasons_tasks_and_likelihood_equal_enumeration(trial: Trial, model: TeacherModel) -> None:
     smoothed = smooth(trial, model)
@@ -50,7 +49,6 @@ def test_reasons_tasks_and_likelihood_equal_enumeration(trial: Trial, model: Tea
     assert smoothed.log_likelihood == pytest.approx(np.log(joint.sum()), rel=1e-12, abs=1e-12)
 
 
-@settings(max_examples=40)
 @given(short_trials(), models(), st.integers(0, 2**32 - 1))
 def test_a_lattice_for_wide_bounds_gives_the_same_as_one_for_the_model_alone(
     trial: Trial, model: TeacherModel, seed: int
