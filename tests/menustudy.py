@@ -28,7 +28,7 @@ def study() -> tuple[Trial, ...]:
             robot,
             SimulatedTeacher(WORLD, TRUE, WORLD.tasks[n % 4]),
             np.random.default_rng([n, 7]),
-            max_steps=80,
+            max_steps=120,
             trial_id=f"t{n}",
             participant_id=f"p{n % 7}",
         )
