@@ -163,7 +163,7 @@ def demo(
     data: Annotated[
         Path | None, typer.Option(help="Directory of logs (default: datasets/simulated-study).", exists=True)
     ] = None,
-    trials: Annotated[int, typer.Option(min=1, help="Simulated trials per robot.")] = 60,
+    trials: Annotated[int, typer.Option(min=1, help="Simulated trials per robot.")] = 200,
     seed: Seed = 0,
     jobs: Jobs = 2,
     json: Json = False,
