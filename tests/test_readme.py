@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from taskcomm.cli import main
+from taskcomm.logs import read_trials, write_trials
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -38,3 +39,14 @@ def test_commands_and_their_options_exist(capsys: pytest.CaptureFixture[str]) ->
         shown = capsys.readouterr().out
         for option in re.findall(r"--[a-z-]+", rest):
             assert option in shown, (command, option)
+
+
+def test_fit_and_replay_run_as_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    logs = ROOT / "datasets" / "simulated-study" / "trials.jsonl"
+    trial = read_trials(logs)[0]
+    write_trials([trial], tmp_path / "log.jsonl")
+    monkeypatch.chdir(tmp_path)
+    names = {"LOGS": "log.jsonl", "LOG": "log.jsonl", "ID": trial.trial_id}
+    for command in ("validate", "fit", "replay"):
+        (line,) = re.findall(rf"^    taskcomm ({command} [^#\n]*)", README, flags=re.MULTILINE)
+        assert main([names.get(word, word) for word in line.split()]) == 0, line
