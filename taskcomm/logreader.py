@@ -86,7 +86,7 @@ class LogReader:
         if not self._opened and not self.problems:
             self._problem("no trial in it")
         for part in self._opened:
-            if part.end is None:
+            if part.end is None and not part.broken:
                 self._notice(f"trial {part.start.trial_id!r} broke off after {len(part.steps)} steps")
 
     def _problem(self, reason: str) -> None:
@@ -136,6 +136,7 @@ class LogReader:
     def _begin(self, line: TrialStart) -> None:
         if line.trial_id in self._trials:
             before = self._trials[line.trial_id]
+            self._give_up(line.trial_id)
             place = f", first in {before.place}" if before is not None else ""
             raise LineError(f"trial {line.trial_id!r} is there twice{place}")
         self._trials[line.trial_id] = None

@@ -256,6 +256,13 @@ def test_validate_lists_one_problem_for_every_trial_that_is_spoilt(tmp_path: Pat
     assert report.files == (str(tmp_path / "empty.jsonl"), str(path))
 
 
+def test_a_trial_that_is_there_twice_is_one_problem_and_did_not_break_off(tmp_path: Path) -> None:
+    lines = lines_of(played())
+    report = validate(dump(tmp_path / "twice.jsonl", [*lines[:-1], *lines]))
+    assert [problem.line for problem in report.problems] == [len(lines)]
+    assert report.notices == ()
+
+
 @settings(max_examples=150)
 @given(st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), min_size=1, max_size=4))
 def test_no_damage_gives_anything_but_trials_or_a_log_error(
