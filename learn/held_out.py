@@ -89,6 +89,12 @@ def folds_of_people(people: Sequence[str], folds: int, seed: int = 0) -> NDArray
     return np.array([fold[person] for person in people], dtype=np.int64)
 
 
+def _fitted_to(model: TeacherModel) -> set[str]:
+    """Hashes of the trials that a model says it was fitted to; provenance is free, so it may hold anything."""
+    hashes = model.provenance.get("trial_sha256", ())
+    return {h for h in hashes if isinstance(h, str)} if isinstance(hashes, (list, tuple)) else set()
+
+
 @dataclass
 class _Refit:
     """The fits without one fold, and the scores of that fold; run in a process of its own."""
@@ -147,7 +153,7 @@ def held_out(
         for k, (_, _, of_fold) in enumerate(refitted):
             scores[arm][fold == k] = of_fold[arm]
     hashes = [trial_hash(trial) for trial in trials]
-    seen = {arm: set(model.provenance.get("trial_sha256", ())) for arm, model in models.items()}
+    seen = {arm: _fitted_to(model) for arm, model in models.items()}
     return HeldOut(
         log_likelihood=scores,
         in_sample={arm: np.array([h in seen.get(arm, ()) for h in hashes]) for arm in scores},

@@ -58,6 +58,13 @@ def test_a_model_that_was_fitted_to_the_trials_is_marked() -> None:
     assert scored.in_sample["seen"].tolist() == [n < 4 for n in range(14)]
     assert not scored.in_sample["intuitive"].any()
     assert not scored.in_sample[LEARNED].any()
+
+
+def test_free_provenance_of_another_kind_marks_no_trial() -> None:
+    kinds: tuple[object, ...] = (5, None, "abc", [["abc"]], {"abc": 1})
+    models = {str(kind): replace(START, provenance={"trial_sha256": kind}) for kind in kinds}
+    scored = held_out(study(), models, folds=2, blind=False, fit_options=FAST)
+    assert not np.any([scored.in_sample[name] for name in models])
     text = report(comparison(), title="T")
     assert "seen (in-sample: 4 of 14 trials)" in text
     assert "Figures marked in-sample" in text
