@@ -12,6 +12,7 @@ import pytest
 
 import taskcomm.cli
 from taskcomm.cli import main
+from taskcomm.commands.output import result_directory
 from taskcomm.logs import read_trials
 from taskcomm.teacher import TeacherModel
 
@@ -320,7 +321,9 @@ def test_a_model_with_another_cue_or_step_is_bad_data(
             ("replay", log, "--trial", read_trials(log)[0].trial_id, "--model", tmp_path / name),
         ):
             assert run(*arguments) == BAD_DATA
-            assert reason in capsys.readouterr().err
+            said = capsys.readouterr().err
+            assert reason in said
+            assert str(tmp_path / name) in said
     slow = ("--trials", 1, "--out", tmp_path / "t.jsonl")
     assert run("simulate", "--teacher", tmp_path / "quick.json", *slow) == BAD_DATA
     assert left_in(tmp_path) == before
@@ -342,12 +345,30 @@ def test_output_that_cannot_be_written_is_found_out_before_the_work(
         ("compare", log, "--out", tmp_path / "file" / "below"),
         ("demo", "--data", log.parent, "--out", tmp_path / "file"),
         ("simulate", "--out", nowhere),
+        ("fit", log, "--out", "."),
+        ("fit", log, "--out", ""),
+        ("compare", log, "--out", "/"),
     ):
         assert run(*arguments) == FAILED
         said = capsys.readouterr().err
         assert said.startswith("error: ")
         assert len(said.splitlines()) == 1
     assert left_in(tmp_path) == {"file"}
+
+
+def test_results_go_into_the_current_directory_beside_what_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = tmp_path / "here"
+    for folder in (here, tmp_path / "here.part"):
+        folder.mkdir()
+        (folder / "mine.txt").write_text("mine", encoding="utf-8")
+    monkeypatch.chdir(here)
+    with result_directory(Path()) as part:
+        (part / "report.md").write_text("new", encoding="utf-8")
+    assert left_in(here) == {"mine.txt", "report.md"}
+    assert left_in(tmp_path) == {"here", "here.part"}
+    assert left_in(tmp_path / "here.part") == {"mine.txt"}
 
 
 def test_usage_errors_end_with_two(log: Path, tmp_path: Path) -> None:

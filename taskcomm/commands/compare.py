@@ -7,7 +7,7 @@ from learn.compare import Comparison, compare
 from learn.held_out import LEARNED
 from learn.outcome_files import write_comparison
 from learn.report import span
-from taskcomm.commands.models import load_model, model_files
+from taskcomm.commands.models import check_model, load_model, model_files
 from taskcomm.commands.output import result_directory, run_record, sha256_of, write_json
 from taskcomm.commands.terminal import Terminal
 from taskcomm.logs import log_files, read_trials
@@ -40,6 +40,11 @@ def run(
     note = ", ".join(teacher) if teacher else f"the model learned from all of these logs, `{LEARNED}`"
     with result_directory(out) as part:
         trials = read_trials(logs)
+        steps = {trial.dt for trial in trials}
+        for name, model in zip(
+            [*(models or ["intuitive"]), *(teacher or ())], [*named.values(), *truths], strict=True
+        ):
+            check_model(model, name, trials[0].world, steps)
         files = [*log_files(logs), *model_files([*(models or ()), *(teacher or ())])]
         record = run_record("compare", settings, files)
         found = compare(

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from learn import fit
-from taskcomm.commands.models import load_model, model_files
+from taskcomm.commands.models import check_model, load_model, model_files
 from taskcomm.commands.output import result_file, run_record, write_record
 from taskcomm.commands.terminal import Terminal
 from taskcomm.logs import log_files, read_trials
@@ -31,7 +31,8 @@ def run(
         if task_unknown:
             trials = [replace(trial, task=None) for trial in trials]
         terminal.message(f"fitting {len(trials)} trials, {sum(int(t.presses.sum()) for t in trials)} presses")
-        world = trials[0].world if trials else None
+        world = trials[0].world
+        check_model(start, initial, world, {trial.dt for trial in trials})
         with terminal.progress("fitting", starts + 2) as progress:
             result = fit(
                 trials, world=world, initial=start, delays=delays, starts=starts, max_iter=max_iter,
@@ -76,6 +77,6 @@ def run(
         terminal.line(f"- {remark}")
     terminal.line(f"{out}: the model")
     if not result.converged:
-        terminal.message(f"not converged: {result.status}; the model says so in its provenance")
+        terminal.message(f"{result.status}; the model says so in its provenance")
         return 4
     return 0

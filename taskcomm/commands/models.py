@@ -1,11 +1,12 @@
 """Teacher models named on the command line."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import typer
 
-from taskcomm.teacher import TeacherModel
+from taskcomm.teacher import ModelError, TeacherModel
+from taskcomm.world import World
 
 
 def load_model(named: str, option: str) -> TeacherModel:
@@ -15,6 +16,23 @@ def load_model(named: str, option: str) -> TeacherModel:
     if not Path(named).is_file():
         raise typer.BadParameter(f"{named!r} is neither 'intuitive' nor a model file", param_hint=option)
     return TeacherModel.load(named)
+
+
+def check_model(model: TeacherModel, named: str, world: World, steps: Collection[float]) -> None:
+    """Raise ModelError, naming the model, for a cue that the world lacks or a dt other than the trials'.
+
+    `steps` are the dt of the trials; where there are two, that is another error, and not raised here.
+    """
+    try:
+        model.parameters(world.cue_names)
+    except ModelError as error:
+        raise ModelError(f"{named}: {error}") from None
+    for dt in steps if len(set(steps)) == 1 else ():
+        if abs(model.dt - dt) > 1e-9 * dt:
+            raise ModelError(
+                f"{named}: dt: the model is for steps of {model.dt:g} s, the trials have {dt:g} s;"
+                f" TeacherModel.with_dt({dt:g}) converts it, approximately"
+            )
 
 
 def model_files(named: Sequence[str]) -> list[Path]:

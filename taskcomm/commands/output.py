@@ -22,16 +22,22 @@ def _reason(error: OSError) -> str:
     return error.strerror or str(error)
 
 
+def _part_of(path: Path) -> Path:
+    if not path.name:
+        raise OutputError(f"{path}: is no place for results")
+    return path.with_name(f".part.{path.name}")
+
+
 @contextmanager
 def result_file(path: Path) -> Iterator[Path]:
     """A part file beside `path`, renamed to it at the end; on any error nothing is left.
 
     Raises OutputError at once if `path` could not be written.
     """
-    part = path.with_name(f".part.{path.name}")  # the ending stays, since it says what to write
     try:
         if path.is_dir():
             raise OutputError(f"{path}: is a directory, not a file")
+        part = _part_of(path)  # the ending stays, since it says what to write
         part.write_bytes(b"")
     except OutputError:
         raise
@@ -51,7 +57,7 @@ def result_directory(path: Path) -> Iterator[Path]:
     Files of an earlier run with the same names are replaced, others are left. Raises OutputError at
     once if `path` could not be written.
     """
-    part = path.with_name(path.name + ".part")
+    part = _part_of(path.resolve())
     try:
         if path.exists() and not path.is_dir():
             raise OutputError(f"{path}: is a file, not a directory")

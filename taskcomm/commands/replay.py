@@ -5,7 +5,7 @@ from typing import Any
 
 import typer
 
-from taskcomm.commands.models import load_model, model_files
+from taskcomm.commands.models import check_model, load_model, model_files
 from taskcomm.commands.output import result_file, run_record, write_json, write_record
 from taskcomm.commands.terminal import Terminal
 from taskcomm.logs import LogError, log_files, read_trials
@@ -23,6 +23,7 @@ def run(log: Path, model: str, trial: str | None, out: Path | None, seed: int, j
         raise typer.BadParameter(f"{out.name}: must end in {', '.join(FIGURES)}", param_hint="--out")
     teacher = load_model(model, "--model")
     one = _the_trial(log, trial)
+    check_model(teacher, model, one.world, {one.dt})
     path, reasons = belief_path(one, teacher), press_reasons(one, teacher)
     document = replay_document(one, teacher, path, reasons)
     if out is not None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from taskcomm.commands.models import load_model, model_files
+from taskcomm.commands.models import check_model, load_model, model_files
 from taskcomm.commands.output import result_file, run_record, write_record
 from taskcomm.commands.terminal import Terminal
 from taskcomm.logs import write_trials
@@ -89,6 +89,9 @@ def run(
     robot_model = None if robot == "operator" else load_model(robot, "--robot")
     if robot_model is not None and robot_model.dt != model.dt:
         raise ModelError(f"dt: {model.dt:g} s in the teacher's model, {robot_model.dt:g} s in the robot's")
+    check_model(model, teacher, world, {model.dt})
+    if robot_model is not None:
+        check_model(robot_model, robot, world, {robot_model.dt})
     simulation = Simulation(world, model, robot_model, people or trials, horizon, threshold, max_steps, seed)
     record = run_record("simulate", settings, model_files([teacher, robot]))
     record["models"] = {"teacher": model.sha256} | ({"robot": robot_model.sha256} if robot_model else {})
