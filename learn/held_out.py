@@ -90,7 +90,7 @@ def folds_of_people(people: Sequence[str], folds: int, seed: int = 0) -> NDArray
 
 
 def _fitted_to(model: TeacherModel) -> set[str]:
-    """Hashes of the trials that a model says it was fitted to; provenance is free, so it may hold anything."""
+    """Hashes of the trials that a model says it was fitted to; provenance is free and may hold anything."""
     hashes = model.provenance.get("trial_sha256", ())
     return {h for h in hashes if isinstance(h, str)} if isinstance(hashes, (list, tuple)) else set()
 
