@@ -173,6 +173,9 @@ def _closed_loop(found: Comparison) -> str:
     columns += ["timeouts", "presses"]
     about = _text(
         f"{loop.trials} simulated trials of every robot. The simulated teachers: {found.truth}.",
+        f"So the robot `{LEARNED}` knows its teachers exactly, as no robot knows people: too good."
+        if found.truths == (found.fitted.model,)
+        else "",
         "Each trial has the same task and the same draws for every robot.",
         f"Planner horizon {loop.settings['horizon']}, Final above {loop.settings['threshold']:g}, timeout",
         f"after {loop.settings['max_steps']} steps, counted at its length and as not right.",

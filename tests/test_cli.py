@@ -5,6 +5,7 @@ import json
 import resource
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -396,6 +397,34 @@ def test_a_failure_of_the_work_leaves_no_half_written_file(
     assert run("fit", log, "--starts", 1, "--out", tmp_path / "m.json") == FAILED
     assert (tmp_path / "m.json").read_text(encoding="utf-8") == "as it was"
     assert left_in(tmp_path) == {"m.json"}
+
+
+def test_the_demo_on_other_data_begins_its_report_with_what_was_gained(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data, out = tmp_path / "data", tmp_path / "out"
+    data.mkdir()
+    (data / "trials.jsonl").write_bytes(log.read_bytes())
+    (data / "teachers.json").write_text("[1, 2]", encoding="utf-8")
+    assert run("demo", "--data", data, "--trials", 2, "--jobs", 1, "--out", out) == BAD_DATA
+    assert str(data / "teachers.json") in capsys.readouterr().err
+    assert left_in(tmp_path) == {"data"}
+    (data / "teachers.json").unlink()
+    assert run("demo", "--data", data, "--trials", 2, "--jobs", 1, "--out", out) == DONE
+    text = (out / "report.md").read_text(encoding="utf-8")
+    gained = capsys.readouterr().out.splitlines()[-2]
+    assert gained.startswith("With the learned model the robot takes ")
+    assert gained in text.split("\n## ")[0]
+    pictures = {"table-tops.png", "time-to-final.png", "entropy.png", "mistake.png"}
+    assert pictures <= left_in(out)
+    assert all(f"]({name})" in text for name in pictures)
+
+
+@pytest.mark.verify
+def test_the_demo_takes_less_than_three_minutes(tmp_path: Path) -> None:
+    started = time.perf_counter()
+    subprocess.run([sys.executable, "-m", "taskcomm.cli", "demo", "--out", tmp_path / "out"], check=True)
+    assert time.perf_counter() - started < 180
 
 
 def test_the_demo_says_where_it_looked_for_its_data(

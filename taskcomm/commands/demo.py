@@ -18,7 +18,7 @@ from taskcomm.commands.terminal import Terminal
 from taskcomm.logs import LogError, log_files, read_trials
 from taskcomm.replay import belief_path, press_reasons
 from taskcomm.studies import drawn_teacher, mistake_trial
-from taskcomm.teacher import TeacherModel
+from taskcomm.teacher import ModelError, TeacherModel
 
 STUDY = Path("datasets") / "simulated-study"
 INTRO = (
@@ -57,8 +57,9 @@ def run(out: Path, data: Path | None, trials: int, seed: int, jobs: int, json: b
             stage=terminal.progress,
         )  # fmt: skip
         outro = _mistake(part)
+        intro = f"{INTRO} {gain_sentence(found)}"
         written = write_comparison(
-            found, logged, part, title="taskcomm demo", intro=INTRO, outro=outro, known_truths=logged_truths
+            found, logged, part, title="taskcomm demo", intro=intro, outro=outro, known_truths=logged_truths
         )
         write_json(found.to_json(), part / "comparison.json")
         written += [part / name for name in ("comparison.json", "mistake.png", "mistake.json")]
@@ -88,8 +89,11 @@ def known_teachers(folder: Path) -> list[TeacherModel]:
     file = folder / "teachers.json"
     if not file.is_file():
         return []
-    teachers: Mapping[str, Any] = json_module.loads(file.read_text(encoding="utf-8"))
-    return [TeacherModel.from_json(json_module.dumps(model)) for model in teachers.values()]
+    try:
+        teachers: Mapping[str, Any] = json_module.loads(file.read_text(encoding="utf-8"))
+        return [TeacherModel.from_json(json_module.dumps(model)) for model in teachers.values()]
+    except (AttributeError, ValueError) as error:
+        raise ModelError(f"{file}: not the true models of simulated teachers: {error}") from None
 
 
 def gain_sentence(found: Comparison) -> str:

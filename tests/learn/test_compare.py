@@ -104,6 +104,11 @@ def test_the_report_says_that_simulated_trials_are_simulated() -> None:
     assert "Some of these trials are simulated" in report(mixed, title="T")
 
 
+def test_the_report_says_where_a_robot_knows_its_teachers_exactly() -> None:
+    assert "knows its teachers exactly" in report(comparison(), title="T")
+    assert "knows its teachers exactly" not in report(replace(comparison(), truths=(TRUE,)), title="T")
+
+
 def test_numbers_of_the_comparison_are_json_and_agree_with_its_parts() -> None:
     document = json.loads(json.dumps(comparison().to_json(), allow_nan=False))
     assert set(document["held_out"]) == {"intuitive", "seen", LEARNED, BLIND}
