@@ -20,10 +20,11 @@ belief is peaked. Both are linear in w for a fixed output distribution, and so h
 expectation over all that may be observed until then.
 
 Merging. Adjacent tasks with equal memories that no step to come can tell apart become one, of their
-summed weight. What they differ by stays as it is: with W the sum of W_1 and W_2,
--W_1 ln W_1 - W_2 ln W_2 = -W ln W + inner, and `inner` scales with W along every branch.
+summed weight. What they differ by stays as it is, since each task keeps `own`, at first W ln W: it is
+summed where tasks merge, and a branch that takes the share s of the weight has s own + W s ln s.
 
-Layout. `row[r]` is (weight, inner, levels, on-times) and `task[r]` its task; rows of one task are adjacent.
+Layout. `row[r]` is (weight, own, levels, on-times) and `task[r]` its task; rows of one task are
+adjacent, and the first of them has the task's `own`.
 `top[m]` holds the table-top of approval m by the columns below. `trail[d]` is the world node at
 depth d, `past` the patterns shown before depth 0 and at it, newest last. Frames of the search
 (one per depth) are the rows of `real` and `whole`. All kernels are in this one file since the compiler's
@@ -34,7 +35,7 @@ import numpy as np
 
 from taskcomm.compiling import kernel
 
-WEIGHT, INNER, LEVEL = range(3)  # columns of row: the levels begin at LEVEL, the on-times after them
+WEIGHT, OWN, LEVEL = range(3)  # columns of row: the levels begin at LEVEL, the on-times after them
 PEAK, UP, DOWN, FIRST_UP, FIRST_DOWN, FIRST, LAST, LATE, DECAY, HOLD = range(10)  # columns of top
 MASS, HIGHEST, OTHERS, BEST, INFORMATION, CAPACITY, REACHED = range(7)  # columns of gain
 SILENT, PRESS, PRESSED, BOUND = range(4)  # rows of table[depth], by action
@@ -108,9 +109,8 @@ def _look_ahead(top, pattern, past, trail, task, row, ahead, depth, start, stop,
 
 @_kernel
 def _branches(weight, own, pressed, group, g, at):
-    """(mass, x ln x of it, x ln x of the rest) of one task's press branch, into group[g, at : at + 3].
+    """Mass and `own` of one task's press branch, and `own` of the rest, into group[g, at : at + 3].
 
-    The two less their shares of `inner`, as is `own`: x ln x of the task's whole weight less `inner`.
     Tasks of equal press probability share its logarithms, kept from the last call in the last row of
     `group`.
     """
@@ -140,21 +140,20 @@ def _pressed(mu, row, ahead, begin, end, shown):
 def _one_step(mu, first, count, successor, pattern, node, task, row, ahead, start, stop, group, table):
     """C and mass of both branches of every action at `node`, into table (4, actions).
 
-    group[g] is: where the task's rows begin, its weight W, W ln W less `inner`; what the first action
-    shows for it, `_branches` of that; what another action shows for it, `_branches` of that. What actions
-    show alike is counted once. The last row of `group` is for `_branches`.
+    group[g] is: where the task's rows begin, its weight and `own`; what the first action shows for it,
+    `_branches` of that; what another action shows for it, `_branches` of that. What actions show alike is
+    counted once. The last row of `group` is for `_branches`.
     """
     base = successor[first[node]]
     group[-1, 0] = -1.0
     groups, at = 0, start
     press, silent, mass, total = 0.0, 0.0, 0.0, 0.0
     while at < stop:
-        begin, weight, inner = at, 0.0, 0.0
+        begin, weight = at, 0.0
         while at < stop and task[at] == task[begin]:
             weight += row[at, WEIGHT]
-            inner += row[at, INNER]
             at += 1
-        shown, own = pattern[base, task[begin]], _xlogx(weight) - inner
+        shown, own = pattern[base, task[begin]], row[begin, OWN]
         group[groups, 0], group[groups, 1], group[groups, 2] = begin, weight, own
         group[groups, 3], group[groups, 7] = shown, -1.0
         _branches(weight, own, _pressed(mu, row, ahead, begin, at, shown), group, groups, 4)
@@ -182,7 +181,7 @@ def _one_step(mu, first, count, successor, pattern, node, task, row, ahead, star
 
 
 @_kernel
-def _children(mu, pattern, node, task, row, ahead, start, stop):
+def _children(mu, pattern, node, task, row, ahead, group, start, stop):
     """Append the rows after the step to `node`: with a press from `stop` on, then without.
 
     Returns where the former end and the latter start; the latter are as many as the parent's. The
@@ -193,8 +192,17 @@ def _children(mu, pattern, node, task, row, ahead, start, stop):
     press_stop, silent_start = stop, stop + (stop - start) * (states + 1)
     if silent_start + (stop - start) > len(task):
         return -1, -1
+    g = 0
     for r in range(start, stop):
         silent, shown, approved = silent_start + r - start, pattern[node, task[r]], 0.0
+        if r == group[g, 0]:
+            at = 4 if shown == group[g, 3] else 8
+            if at == 8 and shown != group[g, 7]:
+                pressed = _pressed(mu, row, ahead, r, int(group[g + 1, 0]), shown)
+                group[g, 7] = shown
+                _branches(group[g, 1], group[g, 2], pressed, group, g, 8)
+            row[press_stop, OWN], row[silent, OWN] = group[g, at + 1], group[g, at + 2]
+            g += 1
         for m in range(states):
             row[silent, LEVEL + m] = ahead[r, m, shown >> m & 1, 0]
             if decays:
@@ -211,27 +219,31 @@ def _children(mu, pattern, node, task, row, ahead, start, stop):
                     if decays:
                         row[press_stop, LEVEL + states + m] = 0.0
                 row[press_stop, WEIGHT] = row[r, WEIGHT] * probability
-                row[press_stop, INNER] = row[r, INNER] * probability
                 press_stop += 1
         task[silent], row[silent, WEIGHT] = task[r], row[r, WEIGHT] * (1.0 - approved)
-        row[silent, INNER] = row[r, INNER] * (1.0 - approved)
     return press_stop, silent_start
 
 
 @_kernel
-def _alike(run, pattern, past, trail, task, row, depth, a, a_stop, b, b_stop):
-    """Whether two tasks, the rows [a, a_stop) and [b, b_stop), can be told apart by no step to come."""
-    if a_stop - a != b_stop - b or run[task[a]] != run[task[b]]:
+def _alike(run, pattern, past, trail, task, row, depth, a, b, size):
+    """Whether two tasks, the `size` rows from a and from b, can be told apart by no step to come."""
+    if run[task[a]] != run[task[b]]:
         return False
-    for back in range(len(past) - 1):  # what is still to be seen late
-        at = depth - back
-        if _seen(pattern, past, trail, at, task[a]) != _seen(pattern, past, trail, at, task[b]):
-            return False
-    weight_a, weight_b = row[a:a_stop, WEIGHT].sum(), row[b:b_stop, WEIGHT].sum()
-    for i in range(a_stop - a):
+    for i in range(size):
         for column in range(LEVEL, row.shape[1]):
             if row[a + i, column] != row[b + i, column]:
                 return False
+    for back in range(len(past) - 1):  # what is still to be seen late
+        if _seen(pattern, past, trail, depth - back, task[a]) != _seen(
+            pattern, past, trail, depth - back, task[b]
+        ):
+            return False
+    if size == 1:
+        return True
+    weight_a, weight_b = 0.0, 0.0
+    for i in range(size):
+        weight_a, weight_b = weight_a + row[a + i, WEIGHT], weight_b + row[b + i, WEIGHT]
+    for i in range(size):
         skew = row[a + i, WEIGHT] * weight_b - row[b + i, WEIGHT] * weight_a
         if abs(skew) > ROUNDING * weight_a * weight_b:
             return False
@@ -246,17 +258,11 @@ def _merge(run, pattern, past, trail, task, row, depth, start, stop):
         begin = at
         while at < stop and task[at] == task[begin]:
             at += 1
-        if end > start and _alike(run, pattern, past, trail, task, row, depth, last, end, begin, at):
-            before, added, inner = 0.0, 0.0, 0.0
-            for i in range(at - begin):
-                before, added = before + row[last + i, WEIGHT], added + row[begin + i, WEIGHT]
-                inner += row[last + i, INNER] + row[begin + i, INNER]
-            total = before + added
-            inner += _xlogx(total) - _xlogx(before) - _xlogx(added)
-            for i in range(at - begin):
+        size = at - begin
+        if end - last == size and _alike(run, pattern, past, trail, task, row, depth, last, begin, size):
+            row[last, OWN] += row[begin, OWN]
+            for i in range(size):
                 row[last + i, WEIGHT] += row[begin + i, WEIGHT]
-                if total > 0.0:
-                    row[last + i, INNER] = inner * row[last + i, WEIGHT] / total
         else:
             last = end
             for r in range(begin, at):
@@ -414,6 +420,11 @@ def search(
     `slack` of the least. Returns the number of nodes visited, or -1 where the rows did not fit.
     """
     depth, nodes, value = 0, 0, 0.0
+    weight = 0.0
+    for r in range(rows - 1, -1, -1):  # the first row of a task comes last
+        weight += row[r, WEIGHT]
+        if r == 0 or task[r] != task[r - 1]:
+            row[r, OWN], weight = _xlogx(weight), 0.0
     _push(real, whole, 0, 0, rows, steps, since, cost, np.inf)
     real[0, SLACK] = slack
     while depth >= 0:
@@ -434,7 +445,19 @@ def search(
             nodes += 1
             _look_ahead(top, pattern, past, trail, task, row, ahead, depth, start, stop, resting)
             _one_step(
-                mu, first, count, successor, pattern, node, task, row, ahead, start, stop, group, table[depth]
+                mu,
+                first,
+                count,
+                successor,
+                pattern,
+                node,
+                task,
+                row,
+                ahead,
+                start,
+                stop,
+                group[depth],
+                table[depth],
             )
             _order(table, order, gain, depth, count[node], steps, gamma)
             whole[depth, AT], real[depth, LEAST] = 0, np.inf
@@ -470,7 +493,9 @@ def search(
             continue
         action = order[depth, at]
         trail[depth + 1] = successor[first[node] + action]
-        press_stop, silent_start = _children(mu, pattern, trail[depth + 1], task, row, ahead, start, stop)
+        press_stop, silent_start = _children(
+            mu, pattern, trail[depth + 1], task, row, ahead, group[depth], start, stop
+        )
         if press_stop < 0:
             return -1
         silent, press = table[depth, SILENT, action], table[depth, PRESS, action]

@@ -1,13 +1,15 @@
 """The planner: the action that minimises the sum of expected entropy (MODEL.md, section 6)."""
 
 from collections.abc import Hashable
-from dataclasses import dataclass
-from typing import Any
+from copy import copy
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskcomm.belief import Belief
+from taskcomm.explain import Explanation, explanation
 from taskcomm.teacher import TeacherModel
 from taskcomm.world import World
 from taskcomm.worldgraph import WorldGraph
@@ -34,11 +36,23 @@ class Decision:
     gap: float
     horizon: int
     nodes: int
+    asked: "_Asked | None" = field(default=None, repr=False, compare=False)
 
     @property
     def value(self) -> float:
         """Q_h of the chosen action, in nats."""
         return self.values[self.action]
+
+    def explain(self, depth: int | None = None) -> Explanation:
+        """Why this action: the contingent plan, followed for `depth` steps (None: to the horizon).
+
+        It plans anew at the up to 2^depth points that the steps may lead to. `print` it, or see
+        `Explanation`. Raises ValueError for a bad depth, or a decision that no planner made.
+        """
+        if self.asked is None:
+            raise ValueError(f"this decision for {self.action} was made by no planner: it has no plan")
+        planner, belief, state = self.asked
+        return explanation(self, belief, state, planner._best, planner.gamma, depth)
 
 
 class EntropyPlanner:
@@ -120,7 +134,14 @@ class EntropyPlanner:
             gap=min(others, default=np.inf) - least,
             horizon=self.horizon,
             nodes=nodes,
+            asked=_Asked(self, belief, state),
         )
+
+    def _best(self, belief: Belief, state: Hashable, horizon: int) -> Decision:
+        """The decision of this planner at another, shorter horizon, the first of the ties."""
+        shorter = copy(self)  # shares the graph
+        shorter.horizon, shorter.ties = horizon, "first"
+        return shorter.plan(belief, state)
 
     def _search(
         self, belief: Belief, root: int, slack: float
@@ -131,6 +152,14 @@ class EntropyPlanner:
             if found[2] >= 0:
                 return found
             self._capacity *= 4  # the rows did not fit
+
+
+class _Asked(NamedTuple):
+    """What a decision was made of, for its explanation."""
+
+    planner: EntropyPlanner
+    belief: Belief
+    state: Hashable
 
 
 def _searched(
@@ -168,7 +197,7 @@ def _searched(
         table,
         exact,
         np.zeros((horizon, most), dtype=np.int64),
-        np.zeros((len(belief.world.tasks) + 2, 11)),
+        np.zeros((horizon, len(belief.world.tasks) + 2, 11)),
         np.zeros(len(past) + horizon, dtype=np.int64),
         np.zeros((horizon, horizon, 7)),
         np.zeros((horizon, 7)),
