@@ -91,6 +91,17 @@ class Belief:
         approval = self._advanced(state)[3]
         return float(self.parameters.mistake + self.weight @ approval.sum(axis=1))
 
+    def press_joint(self, state: Hashable) -> Floats:
+        """P(task, a press for this reason) in the coming step, if the world is in `state` then.
+
+        Shape (tasks, 1 + M): a mistake, then the approval states in the model's order.
+        """
+        approval = self.weight[:, None] * self._advanced(state)[3]
+        joint = np.zeros((len(self.world.tasks), 1 + approval.shape[1]))
+        joint[:, 0] = self.parameters.mistake * self.marginal()
+        np.add.at(joint[:, 1:], self.task, approval)
+        return joint
+
     def update(self, state: Hashable, pressed: bool) -> Self:
         """The belief after a step that ended in `state`, with or without a press.
 

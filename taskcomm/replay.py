@@ -162,9 +162,8 @@ def press_reasons(
 
 def _reasons_of_a_press(belief: Belief, state: Hashable) -> dict[str, float]:
     """P(mental state | a press in the coming step, all before it)."""
-    approval = belief._advanced(state)[3]
-    joint = np.array([belief.parameters.mistake, *(belief.weight @ approval)])
-    return dict(zip(belief.model.mental_states[1:], (joint / joint.sum()).tolist(), strict=True))
+    reasons = belief.press_joint(state).sum(axis=0)
+    return dict(zip(belief.model.mental_states[1:], (reasons / reasons.sum()).tolist(), strict=True))
 
 
 def check_dt(trial: Trial, model: TeacherModel) -> None:
