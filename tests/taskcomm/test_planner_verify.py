@@ -1,7 +1,6 @@
 """Long checks of the planner: deeper trees, and the time of every decision of the study."""
 
 import time
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,6 @@ from trees import assert_equals_the_whole_tree, situations
 from learn import fit
 from taskcomm.belief import Belief
 from taskcomm.logs import read_trials
-from taskcomm.parallel import map_in_order
 from taskcomm.planner import EntropyPlanner
 from taskcomm.teacher import TeacherModel
 from taskcomm.trials import Trial
@@ -51,22 +49,15 @@ def test_equals_the_whole_tree_five_steps_deep(model: TeacherModel, seed: int) -
     assert_equals_the_whole_tree(belief, state, 5, 1.0)
 
 
-@dataclass(frozen=True)
-class Clock:
-    """Wall time of the decision before each step of a logged trial, under one model."""
-
-    planner: EntropyPlanner
-
-    def __call__(self, trial: Trial) -> list[float]:
-        model = self.planner.model
-        self.planner.warm_up()
-        belief, state, times = Belief.initial(trial.world, model), trial.world.start(), []
-        for reached, step in zip(trial.states, trial.steps, strict=True):
-            started = time.perf_counter()
-            self.planner.plan(belief, state)
-            times.append(time.perf_counter() - started)
-            belief, state = belief.update(reached, step.pressed), reached
-        return times
+def decision_seconds(planner: EntropyPlanner, trial: Trial) -> list[float]:
+    """Wall time of the decision before each step of a logged trial, under the planner's model."""
+    belief, state, times = Belief.initial(trial.world, planner.model), trial.world.start(), []
+    for reached, step in zip(trial.states, trial.steps, strict=True):
+        started = time.perf_counter()
+        planner.plan(belief, state)
+        times.append(time.perf_counter() - started)
+        belief, state = belief.update(reached, step.pressed), reached
+    return times
 
 
 def test_every_decision_of_the_study_is_made_within_the_step() -> None:
@@ -75,7 +66,8 @@ def test_every_decision_of_the_study_is_made_within_the_step() -> None:
     learned = fit(trials, world=trials[0].world, initial=TeacherModel.intuitive()).model
     for name, model in (("intuitive", TeacherModel.intuitive()), ("learned", learned)):
         planner = EntropyPlanner(trials[0].world, model, horizon=5)
-        times = np.concatenate(map_in_order(Clock(planner), trials, jobs=2))
+        planner.warm_up()
+        times = np.concatenate([decision_seconds(planner, trial) for trial in trials])
         print(
             f"{name}: {len(times)} decisions, share of the step used:"
             f" median {np.median(times) / STEP:.3f}, p99 {np.quantile(times, 0.99) / STEP:.3f},"
