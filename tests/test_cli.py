@@ -420,6 +420,20 @@ def test_the_demo_on_other_data_begins_its_report_with_what_was_gained(
     assert all(f"]({name})" in text for name in pictures)
 
 
+def test_a_trial_that_broke_off_before_its_first_step_is_named_and_left_out(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    start = json.loads(log.read_bytes().split(b"\n")[0]) | {"trial_id": "begun"}
+    begun, more = tmp_path / "begun.jsonl", tmp_path / "more.jsonl"
+    begun.write_text(json.dumps(start) + "\n", encoding="utf-8")
+    more.write_bytes(log.read_bytes() + begun.read_bytes())
+    assert run("fit", more, "--out", tmp_path / "m.json", "--starts", 1) == DONE
+    assert "left out, since they broke off before the first step: begun" in capsys.readouterr().err
+    assert run("fit", begun, "--out", tmp_path / "n.json", "--starts", 1) == BAD_DATA
+    assert capsys.readouterr().err == f"error: {begun}: no trial with a step\n"
+    assert not (tmp_path / "n.json").exists()
+
+
 @pytest.mark.verify
 def test_the_demo_takes_less_than_three_minutes(tmp_path: Path) -> None:
     started = time.perf_counter()

@@ -7,10 +7,10 @@ from learn.compare import Comparison, compare
 from learn.held_out import LEARNED
 from learn.outcome_files import write_comparison
 from learn.report import span
-from taskcomm.commands.models import check_model, load_model, model_files
+from taskcomm.commands.models import check_model, load_model, load_trials, model_files
 from taskcomm.commands.output import result_directory, run_record, sha256_of, write_json
 from taskcomm.commands.terminal import Terminal
-from taskcomm.logs import log_files, read_trials
+from taskcomm.logs import log_files
 from taskcomm.teacher import TeacherModel
 
 
@@ -39,7 +39,7 @@ def run(
     truths = [load_model(name, "--teacher") for name in teacher or ()]
     note = ", ".join(teacher) if teacher else f"the model learned from all of these logs, `{LEARNED}`"
     with result_directory(out) as part:
-        trials = read_trials(logs)
+        trials = load_trials(logs, terminal)
         steps = {trial.dt for trial in trials}
         for name, model in zip(
             [*(models or ["intuitive"]), *(teacher or ())], [*named.values(), *truths], strict=True

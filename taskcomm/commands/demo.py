@@ -12,10 +12,11 @@ from learn.held_out import LEARNED
 from learn.outcome_files import write_comparison
 from learn.replay_figure import replay_figure
 from taskcomm.commands.compare import summarise
+from taskcomm.commands.models import load_trials
 from taskcomm.commands.output import result_directory, run_record, sha256_of, write_json
 from taskcomm.commands.replay import replay_document
 from taskcomm.commands.terminal import Terminal
-from taskcomm.logs import LogError, log_files, read_trials
+from taskcomm.logs import LogError, log_files
 from taskcomm.replay import belief_path, press_reasons
 from taskcomm.studies import drawn_teacher, mistake_trial
 from taskcomm.teacher import ModelError, TeacherModel
@@ -42,7 +43,7 @@ def run(out: Path, data: Path | None, trials: int, seed: int, jobs: int, json: b
     terminal = Terminal(json)
     folder = data if data is not None else study_folder()
     with result_directory(out) as part:
-        logged = read_trials(folder)
+        logged = load_trials([folder], terminal)
         logged_truths = known_teachers(folder)
         terminal.message(f"{folder}: {len(logged)} trials")
         record = run_record("demo", settings, log_files([folder]))

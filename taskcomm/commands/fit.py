@@ -4,10 +4,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from learn import fit
-from taskcomm.commands.models import check_model, load_model, model_files
+from taskcomm.commands.models import check_model, load_model, load_trials, model_files
 from taskcomm.commands.output import result_file, run_record, write_record
 from taskcomm.commands.terminal import Terminal
-from taskcomm.logs import log_files, read_trials
+from taskcomm.logs import log_files
 
 
 def run(
@@ -26,7 +26,7 @@ def run(
     terminal = Terminal(json)
     start = load_model(initial, "--initial")
     with result_file(out) as part:
-        trials = read_trials(logs)
+        trials = load_trials(logs, terminal)
         record = run_record("fit", settings, [*log_files(logs), *model_files([initial])])
         if task_unknown:
             trials = [replace(trial, task=None) for trial in trials]

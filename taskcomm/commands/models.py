@@ -1,11 +1,14 @@
-"""Teacher models named on the command line."""
+"""Teacher models and logs named on the command line."""
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import typer
 
+from taskcomm.commands.terminal import Terminal
+from taskcomm.logs import LogError, read_trials
 from taskcomm.teacher import ModelError, TeacherModel
+from taskcomm.trials import Trial
 from taskcomm.world import World
 
 
@@ -38,3 +41,17 @@ def check_model(model: TeacherModel, named: str, world: World, steps: Collection
 def model_files(named: Sequence[str]) -> list[Path]:
     """Those of the names that are files, for their hashes."""
     return [Path(name) for name in named if Path(name).is_file()]
+
+
+def load_trials(paths: Sequence[Path], terminal: Terminal) -> list[Trial]:
+    """The trials of the logs; those that broke off before the first step are named and left out.
+
+    Raises LogError where none is left.
+    """
+    trials = read_trials(paths)
+    bare = [trial.trial_id for trial in trials if not trial.num_steps]
+    if len(bare) == len(trials):
+        raise LogError(f"{', '.join(map(str, paths))}: no trial with a step")
+    if bare:
+        terminal.message(f"warning: left out, since they broke off before the first step: {', '.join(bare)}")
+    return [trial for trial in trials if trial.num_steps]
