@@ -82,12 +82,17 @@ def groups_in_words(groups: Sequence[Group], tasks: Sequence[Any]) -> str:
     return f"a press has {', '.join(said)}"
 
 
-def shifts_in_words(tasks: Sequence[Any], before: Floats, after: Floats) -> str:
-    """For each part of the task, the value whose probability moves most."""
+def shifts_in_words(tasks: Sequence[Any], before: Floats, after: Floats, *, pressed: bool) -> str:
+    """For each part of the task, what a press speaks for most, or silence against most.
+
+    >>> import numpy as np
+    >>> shifts_in_words(["soup", "pizza"], np.array([0.5, 0.5]), np.array([0.25, 0.75]), pressed=True)
+    'task=pizza 0.50 -> 0.75'
+    """
     said = []
     for part in parts_of(tasks):
         of_part = [shift for shift in shifts(tasks, before, after) if shift.part == part]
-        most = max(of_part, key=lambda shift: round(abs(shift.after - shift.before), 9))  # first the rises
+        most = of_part[0 if pressed else -1]
         if abs(most.after - most.before) >= HARDLY:
             said.append(f"{part}={most.value} {most.before:.2f} -> {most.after:.2f}")
     return ", ".join(said) or "the belief hardly moves"
@@ -111,7 +116,7 @@ def plan_in_words(root: PlannedStep, tasks: Sequence[Any], presses: Sequence[Bra
             if id(step.press) not in shown:
                 left_out.append(step.press)
                 continue
-            said = shifts_in_words(tasks, step.before, step.press.marginal)
+            said = shifts_in_words(tasks, step.before, step.press.marginal, pressed=True)
             line = f"{indent}   if pressed ({press_in_words(step.press)}): {said}"
             then, silent = step.press.then, step.silent.then
             if then is None:
@@ -127,7 +132,7 @@ def plan_in_words(root: PlannedStep, tasks: Sequence[Any], presses: Sequence[Bra
 
     say(root, 1, "  ")
     *_, last = root.chain()
-    moved = shifts_in_words(tasks, root.before, last.silent.marginal)
+    moved = shifts_in_words(tasks, root.before, last.silent.marginal, pressed=False)
     count = sum(1 for _ in root.chain())
     lines.append(f"  No press in {count} step{'s' * (count > 1)} ({percent(last.silent.reach)}): {moved}.")
     if left_out:
