@@ -8,10 +8,10 @@ READY := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint types layers check verify bench clean
+.PHONY: help setup demo test lint types layers check verify bench bench-planner clean
 
 help:  ## what can be made
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):[^#]*## */\1\t/' | expand -t 10
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):[^#]*## */\1\t/' | expand -t 15
 
 setup: $(READY)  ## .venv with everything in it
 
@@ -48,6 +48,9 @@ verify: $(READY)  ## the long tests and studies, and every random law on fresh e
 
 bench: $(READY)  ## timings, each a ratio between two ways
 	$(PYTEST) tests/benchmarks -o python_files='bench_*.py' -o python_functions='bench_*'
+
+bench-planner: $(READY)  ## the search against a plain compiled tree, by horizon and balls; FULL=1 for all decisions
+	PYTHONPATH=tests $(BIN)/python -m benchmarks.planner $(if $(FULL),--full)
 
 clean:  ## remove .venv and everything made
 	rm -rf $(VENV) demo-results build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis \
