@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from learn.plots import COLOURS, axes_or_new, styled
 from taskcomm.belief import entropy
@@ -13,13 +14,14 @@ from taskcomm.wording import percent, shifts_in_words
 
 SILENT, PRESSED = COLOURS[0], COLOURS[1]
 COLUMN, ROW = 1.85, 0.78  # inches for a step, and for a press
+MOST = 8  # presses drawn
 FITS = 22  # letters between two boxes
 BOX = {"boxstyle": "round,pad=0.25", "facecolor": "white", "linewidth": 1.1}
 
 
 @styled
 def plan_tree(
-    explanation: Explanation, ax: Axes | None = None, *, least: float = LEAST, most: int = 8
+    explanation: Explanation, ax: Axes | None = None, *, least: float = LEAST, most: int = MOST
 ) -> Axes:
     """The plan as a tree: boxes are actions, blue goes on without a press, orange after one.
 
@@ -29,7 +31,7 @@ def plan_tree(
     """
     presses = {id(branch) for branch in explanation.root.likely_presses(least, most)}
     steps = explanation.depth
-    ax = axes_or_new(ax, COLUMN * (steps + 0.9) + 0.4, ROW * (len(presses) + 1) + 1.0)
+    ax = axes_or_new(ax, *_inches(steps, len(presses)))
     tree = _Tree(explanation, ax, presses)
     rows = tree.draw(explanation.root, 0)
     ax.set_xlim(-0.35, steps + 0.55)
@@ -41,6 +43,21 @@ def plan_tree(
     root, seconds = explanation.root, explanation.horizon * explanation.dt
     ax.set_title(f"{root.action}: {root.value:.3f} nats over {seconds:g} s; now {entropy(root.before):.3f}")
     return ax
+
+
+@styled
+def plan_figure(explanation: Explanation, title: str = "") -> Figure:
+    """A figure of its own for `plan_tree`."""
+    presses = explanation.root.likely_presses(LEAST, MOST)
+    figure = Figure(figsize=_inches(explanation.depth, len(presses)))
+    plan_tree(explanation, figure.add_subplot())
+    if title:
+        figure.suptitle(title, fontsize=11, x=0.01, ha="left")
+    return figure
+
+
+def _inches(steps: int, presses: int) -> tuple[float, float]:
+    return max(COLUMN * (steps + 0.9) + 0.4, 5.0), ROW * (presses + 1) + 1.3
 
 
 class _Tree:

@@ -131,10 +131,20 @@ def replay(
     out: Annotated[
         Path | None, typer.Option(help="Figure to write (.png, .svg, .pdf); its numbers go beside it.")
     ] = None,
+    explain: Annotated[
+        int | None,
+        typer.Option(
+            metavar="STEP", help="Say why the planner acts as it does at this step of the log (0, 1, ...)."
+        ),
+    ] = None,
+    horizon: Horizon = 5,
     seed: Seed = 0,
     json: Json = False,
 ) -> None:
-    """The belief over the time of one trial, and why each press was made, as a model sees them."""
+    """The belief over the time of one trial, and why each press was made, as a model sees them.
+
+    With --explain, also the plan behind one decision; its drawing and its numbers go beside the figure.
+    """
     settings = dict(locals())
     from taskcomm.commands import replay as command
 

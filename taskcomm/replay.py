@@ -101,6 +101,22 @@ def belief_path(trial: Trial, model: TeacherModel, prior: ArrayLike | None = Non
     return BeliefPath(trial.world, time, np.array(rows), trial.presses)
 
 
+def situation(trial: Trial, model: TeacherModel, step: int) -> tuple[Belief, Hashable]:
+    """The belief of a robot that has `model`, and the world state, before step `step` (0, 1, ...) of `trial`.
+
+    Raises ModelError if the model's dt is not the trial's, ValueError if the trial has no such step.
+    """
+    check_dt(trial, model)
+    if not 0 <= step < trial.num_steps:
+        raise ValueError(
+            f"trial {trial.trial_id} has {trial.num_steps} steps, from 0; there is no step {step}"
+        )
+    belief, state = Belief.initial(trial.world, model), trial.world.start()
+    for done, state in zip(trial.steps[:step], trial.states, strict=False):
+        belief = belief.update(state, done.pressed)
+    return belief, state
+
+
 @dataclass(frozen=True)
 class PressReason:
     """Why a press happened: P(mental state), as believed just then, and with the whole trial known.

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import Any
 
-from taskcomm.contingency import Branch, Floats, Group, PlannedStep, part_of, parts_of, shifts
+from taskcomm.contingency import ALIKE, Branch, Floats, Group, PlannedStep, Shift, part_of, parts_of, shifts
 
 HARDLY = 0.01  # a marginal that moves less is not spoken of
 NAMED = 3  # more tasks, groups or reasons than this are counted, not named
@@ -83,19 +83,27 @@ def groups_in_words(groups: Sequence[Group], tasks: Sequence[Any]) -> str:
 
 
 def shifts_in_words(tasks: Sequence[Any], before: Floats, after: Floats, *, pressed: bool) -> str:
-    """For each part of the task, what a press speaks for most, or silence against most.
+    """For each part of the task, what a press speaks for most, or silence against; the greatest shift first.
 
     >>> import numpy as np
     >>> shifts_in_words(["soup", "pizza"], np.array([0.5, 0.5]), np.array([0.25, 0.75]), pressed=True)
     'task=pizza 0.50 -> 0.75'
     """
-    said = []
-    for part in parts_of(tasks):
-        of_part = [shift for shift in shifts(tasks, before, after) if shift.part == part]
-        most = of_part[0 if pressed else -1]
-        if abs(most.after - most.before) >= HARDLY:
-            said.append(f"{part}={most.value} {most.before:.2f} -> {most.after:.2f}")
-    return ", ".join(said) or "the belief hardly moves"
+    moved = shifts(tasks, before, after)[:: 1 if pressed else -1]
+    said: dict[str, str] = {}
+    for first in moved:
+        if first.part in said or abs(first.after - first.before) < HARDLY:
+            continue
+        alike = sorted(str(shift.value) for shift in moved if _is_alike(shift, first))
+        each = " each" if len(alike) > 1 else ""
+        said[first.part] = f"{first.part}={'|'.join(alike)} {first.before:.2f} -> {first.after:.2f}{each}"
+    return ", ".join(said.values()) or "the belief hardly moves"
+
+
+def _is_alike(one: Shift, other: Shift) -> bool:
+    """Whether they are of one part, from and to the same probabilities but for rounding."""
+    difference = max(abs(one.before - other.before), abs(one.after - other.after))
+    return one.part == other.part and difference < ALIKE
 
 
 def press_in_words(branch: Branch) -> str:

@@ -197,6 +197,31 @@ def test_replay_writes_the_figure_and_its_numbers(
     assert "Why each press was made" in capsys.readouterr().out
 
 
+def test_replay_explains_a_decision_in_words_as_json_and_as_a_drawing(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    trial = read_trials(log)[1]
+    asked = ("replay", log, "--trial", trial.trial_id, "--explain", 4, "--horizon", 2)
+    assert run(*asked, "--out", tmp_path / "r.png") == DONE
+    said = capsys.readouterr().out
+    plan = {"r-step4.png", "r-step4.json"}
+    assert left_in(tmp_path) == {"r.png", "r.json", "r.png.run.json"} | plan
+    told = json.loads((tmp_path / "r-step4.json").read_text(encoding="utf-8"))
+    assert f"{told['action']} has the least expected entropy, summed over 2 steps (1 s)" in said
+    assert "The decision at step 4 (2 s; " in said
+    assert (told["logged"], told["horizon"]) == (str(trial.steps[4].action), 2)
+    record = json.loads((tmp_path / "r.png.run.json").read_text(encoding="utf-8"))
+    assert (record["settings"]["explain"], record["settings"]["horizon"]) == (4, 2)
+    belief = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
+    assert told["entropy"] == belief["entropy"][4]
+    assert "explanation" not in belief
+
+    assert run(*asked, "--json") == DONE
+    assert json.loads(capsys.readouterr().out)["explanation"] == told
+    assert run("replay", log, "--trial", trial.trial_id, "--explain", 10**6) == USAGE
+    assert "there is no step" in " ".join(capsys.readouterr().err.replace("│", " ").split())
+
+
 def test_replay_of_one_among_many_wants_its_name(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("replay", log) == USAGE
     assert "holds 6 trials" in capsys.readouterr().err

@@ -8,16 +8,27 @@ import typer
 from taskcomm.commands.models import check_model, load_model, model_files
 from taskcomm.commands.output import result_file, run_record, write_json, write_record
 from taskcomm.commands.terminal import Terminal
+from taskcomm.explain import Explanation
 from taskcomm.logs import LogError, log_files, read_trials
-from taskcomm.replay import BeliefPath, PressReason, belief_path, press_reasons
+from taskcomm.planner import EntropyPlanner
+from taskcomm.replay import BeliefPath, PressReason, belief_path, press_reasons, situation
 from taskcomm.teacher import TeacherModel
 from taskcomm.trials import Trial
 
 FIGURES = (".png", ".svg", ".pdf")
 
 
-def run(log: Path, model: str, trial: str | None, out: Path | None, seed: int, json: bool) -> int:
-    """Replay, write the figure with its numbers, print what was believed."""
+def run(
+    log: Path,
+    model: str,
+    trial: str | None,
+    out: Path | None,
+    explain: int | None,
+    horizon: int,
+    seed: int,
+    json: bool,
+) -> int:
+    """Replay, write the figure with its numbers, print what was believed; explain one decision if asked."""
     terminal = Terminal(json)
     if out is not None and out.suffix not in FIGURES:
         raise typer.BadParameter(f"{out.name}: must end in {', '.join(FIGURES)}", param_hint="--out")
@@ -26,10 +37,12 @@ def run(log: Path, model: str, trial: str | None, out: Path | None, seed: int, j
     check_model(teacher, model, one.world, {one.dt})
     path, reasons = belief_path(one, teacher), press_reasons(one, teacher)
     document = replay_document(one, teacher, path, reasons)
+    why = None if explain is None else _explained(one, teacher, explain, horizon)
     if out is not None:
         from learn.replay_figure import replay_figure
 
         settings = {"log": log, "model": model, "trial": one.trial_id, "out": out, "seed": seed}
+        settings |= {} if why is None else {"explain": explain, "horizon": horizon}
         record = run_record("replay", settings, [*log_files([log]), *model_files([model])])
         numbers = out.with_suffix(".json")
         with result_file(out) as figure, result_file(numbers) as table:
@@ -38,9 +51,52 @@ def run(log: Path, model: str, trial: str | None, out: Path | None, seed: int, j
             write_json(document, table)
         write_record(record, out)
         terminal.line(f"{out}: the figure; {numbers}: its numbers")
-    terminal.document(document)
+        if why is not None:
+            drawing, plan = _write_plan(*why, out)
+            terminal.line(f"{drawing}: the plan at step {explain}; {plan}: all of it")
+    terminal.document(document if why is None else {**document, "explanation": why[1]})
     _say(one, path, reasons, terminal)
+    if why is not None:
+        _say_why(*why, terminal)
     return 0
+
+
+def _explained(
+    trial: Trial, model: TeacherModel, step: int, horizon: int
+) -> tuple[Explanation, dict[str, Any]]:
+    """Why the planner would act as it would before a step of the trial, and that as plain values."""
+    try:
+        belief, state = situation(trial, model, step)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--explain") from None
+    planner = EntropyPlanner(trial.world, model, horizon)
+    why = planner.plan(belief, state, exact_values=True).explain()
+    moment = {"trial_id": trial.trial_id, "step": step, "time": step * trial.dt}
+    return why, {**moment, "logged": str(trial.steps[step].action), **why.to_json()}
+
+
+def _write_plan(why: Explanation, document: dict[str, Any], out: Path) -> tuple[Path, Path]:
+    """Draw the plan beside the figure `out`, and write all of it as JSON; gives both paths."""
+    from learn.plan_figure import plan_figure
+
+    drawing = out.with_name(f"{out.stem}-step{document['step']}{out.suffix}")
+    with result_file(drawing) as figure, result_file(drawing.with_suffix(".json")) as table:
+        title = (
+            f"Trial {document['trial_id']}, the decision at step {document['step']} ({document['time']:g} s)"
+        )
+        plan_figure(why, title).savefig(figure, dpi=150)
+        write_json(document, table)
+    return drawing, drawing.with_suffix(".json")
+
+
+def _say_why(why: Explanation, document: dict[str, Any], terminal: Terminal) -> None:
+    logged, time = document["logged"], document["time"]
+    agrees = "as in the log" if logged == document["action"] else f"the log has {logged}"
+    likeliest = max(zip(document["marginal"], document["tasks"], strict=True))
+    terminal.line(
+        f"\nThe decision at step {document['step']} ({time:g} s; {agrees}), "
+        f"{likeliest[1]} being likeliest with {likeliest[0]:.3f}:\n{why}"
+    )
 
 
 def model_name(named: str) -> str:

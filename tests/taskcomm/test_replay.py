@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from oracles import cue_columns, joint, paths
 from tinyworld import menu
 
-from taskcomm.replay import belief_path, press_reasons
+from taskcomm.replay import belief_path, press_reasons, situation
 from taskcomm.robot import Robot
 from taskcomm.simulate import SimulatedTeacher, run_trial
 from taskcomm.teacher import ModelError, TeacherModel
@@ -82,6 +82,20 @@ def test_marginals_of_the_parts_of_a_task_add_up_and_json_holds_them_all() -> No
         np.testing.assert_allclose(columns["1"], path.marginal_of(field)[1])
     assert document["entropy"][0] == pytest.approx(np.log(len(WORLD.tasks)))
     assert path.press_times.tolist() == [2.0, 4.5]
+
+
+def test_a_situation_is_the_belief_and_the_world_before_its_step() -> None:
+    trial = wandering_trial(4, 12, (3, 8))
+    path = belief_path(trial, MODEL)
+    for step, reached in enumerate((WORLD.start(), *trial.states[:-1])):
+        belief, state = situation(trial, MODEL, step)
+        np.testing.assert_array_equal(belief.marginal(), path.marginal[step])
+        assert state == reached
+    for step in (-1, 12):
+        with pytest.raises(ValueError, match=f"wander-4 has 12 steps, from 0; there is no step {step}"):
+            situation(trial, MODEL, step)
+    with pytest.raises(ModelError, match="dt"):
+        situation(trial, MODEL.with_dt(0.25), 3)
 
 
 def test_the_task_card_and_the_labels_of_a_trial_change_no_belief() -> None:
