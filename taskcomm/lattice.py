@@ -176,7 +176,7 @@ def build_unit(cues: Bools, presses: Bools, extent: Extent, dt: float, most: int
     certain = _certainty(cues, extent, dt)
     press_steps = np.flatnonzero(presses)
     resets = np.concatenate([[-1], press_steps])
-    layers, moves, last_use = [], [], np.zeros((states, len(resets)), dtype=np.int64)
+    layers, moves, last_use = [], [], np.full((states, len(resets)), -1, dtype=np.int64)  # -1: never
     memories, count = np.zeros((1, states), dtype=np.int64), 0
     for k in range(len(resets)):
         layers.append(memories)
@@ -227,7 +227,7 @@ def _assemble(
     steps, states = cues.shape
     sizes = np.array([len(layer) for layer in layers], dtype=np.int64)
     starts = np.concatenate([[0], np.cumsum(sizes)])
-    state, reset = np.nonzero(last_use)
+    state, reset = np.nonzero(last_use >= 0)
     track = np.zeros_like(last_use)
     track[state, reset] = np.arange(len(state))
     memories = np.concatenate(layers)

@@ -13,6 +13,7 @@ from taught import WORLD, by_hand, operator_trials, teacher
 from taskcomm.belief import Belief
 from taskcomm.lattice import Extent, LatticeTooLarge, build_unit, join
 from taskcomm.smoother import Chain, cue_tables, smooth
+from taskcomm.tasks import Task
 from taskcomm.teacher import ModelError, TeacherModel
 from taskcomm.trials import Step, Trial
 from taskcomm.world import BallWorld
@@ -47,6 +48,15 @@ def test_reasons_tasks_and_likelihood_equal_enumeration(trial: Trial, model: Tea
     np.testing.assert_allclose(smoothed.reasons, reasons / joint.sum(), rtol=0, atol=1e-12)
     np.testing.assert_allclose(smoothed.task, joint / joint.sum(), rtol=0, atol=1e-12)
     assert smoothed.log_likelihood == pytest.approx(np.log(joint.sum()), rel=1e-12, abs=1e-12)
+
+
+@given(models(), st.sampled_from([None, *SMALL.tasks]))
+def test_a_trial_without_steps_says_nothing(model: TeacherModel, task: Task | None) -> None:
+    smoothed = smooth(Trial("begun", SMALL, task, ()), model)
+    assert smoothed.reasons.shape == (0, 2 + len(model.approvals))
+    assert smoothed.log_likelihood == pytest.approx(0.0, abs=1e-12)
+    prior = [1 / len(SMALL.tasks) if task is None else float(task == other) for other in SMALL.tasks]
+    np.testing.assert_allclose(smoothed.task, prior, rtol=0, atol=1e-12)
 
 
 @given(short_trials(), models(), st.integers(0, 2**32 - 1))
