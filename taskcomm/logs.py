@@ -14,6 +14,7 @@ from taskcomm.logreader import LogError as LogError
 from taskcomm.logreader import LogReader
 from taskcomm.logworld import action_part, task_part, world_part
 from taskcomm.trials import Step, Trial
+from taskcomm.wholefile import write_whole
 from taskcomm.world import World
 
 Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
@@ -88,7 +89,7 @@ def write_trials(trials: Iterable[Trial], path: str | os.PathLike[str]) -> None:
     """Write the trials to one file, gzipped where `path` ends in .gz; the same trials, the same bytes.
 
     An existing file is replaced whole or left as it was. Raises LogError for no trials, two of one
-    id, a trial that could not be read again, or a place that cannot be written.
+    id, or a trial that could not be read again, OutputError (an OSError) if the file cannot be written.
     """
     path = Path(path)
     contents: dict[str, bytes] = {}
@@ -107,14 +108,7 @@ def write_trials(trials: Iterable[Trial], path: str | os.PathLike[str]) -> None:
     content = b"".join(contents.values())
     if path.name.endswith(".gz"):
         content = gzip.compress(content, mtime=0)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        part.write_bytes(content)
-        part.replace(path)
-    except OSError as error:
-        raise LogError(f"{path}: cannot be written: {error.strerror or error}") from None
-    finally:
-        _forget(part)
+    write_whole(path, content)
 
 
 def _readable(trial: Trial, reader: LogReader) -> bytes:
@@ -185,10 +179,3 @@ def _end(trial: Trial) -> list[dict[str, Any]]:
     displayed = None if trial.displayed is None else task_part(trial.displayed)
     line = {"type": "trial_end", "reason": trial.reason, "displayed": displayed}
     return [line | {"correct": trial.correct, "num_steps": trial.num_steps}]
-
-
-def _forget(part: Path) -> None:
-    try:
-        part.unlink(missing_ok=True)
-    except OSError:  # its folder is no folder; then neither is there a part
-        return

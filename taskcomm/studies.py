@@ -148,7 +148,7 @@ def mistake_trial(seed: int = 0, task: Task = MISTAKEN, horizon: int = 3) -> Tri
 def write_study(folder: Path) -> None:
     """trials.jsonl and teachers.json: the true parameters by participant_id."""
     sessions = study_sessions()
-    teachers = {s.participant_id: json.loads(s.teacher.to_json()) for s in sessions}
+    teachers = {s.participant_id: s.teacher.to_dict() for s in sessions}
     write_trials((session.run() for session in sessions), folder / "trials.jsonl")
     text = json.dumps(teachers, indent=1) + "\n"
     (folder / "teachers.json").write_text(text, encoding="utf-8")

@@ -16,6 +16,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from taskcomm.wholefile import write_whole
+
 SCHEMA = "taskcomm.teacher/1"
 UNITS = {"time": "second", "probability": "per time step"}
 
@@ -227,22 +229,37 @@ class TeacherModel:
         """Hash of the parameters alone (not of the provenance)."""
         return hashlib.sha256(json.dumps(self._fields(), sort_keys=True).encode()).hexdigest()
 
+    def to_dict(self) -> dict[str, Any]:
+        """What a model file holds, as plain values: schema, units, parameters, provenance."""
+        return {"schema": SCHEMA, "units": UNITS} | self._fields() | {"provenance": dict(self.provenance)}
+
     def to_json(self) -> str:
-        """The model file: schema, units, parameters, provenance."""
-        document = {"schema": SCHEMA, "units": UNITS} | self._fields() | {"provenance": dict(self.provenance)}
-        return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
+        """The model file."""
+        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False) + "\n"
 
     @classmethod
     def from_json(cls, text: str | bytes) -> Self:
-        """The model of a model file; ModelError says which field is wrong and why."""
+        """The model of a model file's text; ModelError says which field is wrong and why."""
         try:
             document = json.loads(text, object_pairs_hook=_object)
         except ModelError:
             raise
         except (ValueError, RecursionError) as error:
             raise ModelError(f"not JSON: {error}") from None
-        if not isinstance(document, dict):
+        return cls.from_dict(document)
+
+    @classmethod
+    def from_dict(cls, document: Mapping[str, Any]) -> Self:
+        """The model of what a model file holds, or of one among several in a JSON document.
+
+        ModelError says which field is wrong and why.
+
+        >>> TeacherModel.from_dict(TeacherModel.intuitive().to_dict()) == TeacherModel.intuitive()
+        True
+        """
+        if not isinstance(document, Mapping):
             raise ModelError("a model file holds one JSON object")
+        document = dict(document)
         schema = document.pop("schema", None)
         if schema != SCHEMA:
             raise ModelError(f"schema: this version reads {SCHEMA!r}, not {schema!r}")
@@ -252,26 +269,22 @@ class TeacherModel:
         known = {"dt", "mistake", "rest", "approvals", "provenance"}
         for name in sorted({"dt", "mistake", "approvals"} - set(document)):
             raise ModelError(f"{name}: missing")
-        for name in sorted(set(document) - known):
+        for name in sorted(map(str, set(document) - known)):
             raise ModelError(f"{name}: unknown field")
         approvals = document.pop("approvals")
-        if not isinstance(approvals, dict):
+        if not isinstance(approvals, Mapping):
             raise ModelError("approvals: must be an object")
         tops = {state: _table_top(f"approvals.{state}", top) for state, top in approvals.items()}
-        if not isinstance(document.get("provenance", {}), dict):
+        if not isinstance(document.get("provenance", {}), Mapping):
             raise ModelError("provenance: must be an object")
         return cls(approvals=tops, **document)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the model file; an existing file is replaced whole or left as it was."""
-        path = Path(path)
-        part = path.with_name(path.name + ".part")
-        try:
-            part.write_text(self.to_json(), encoding="utf-8")
-            part.replace(path)
-        except BaseException:
-            part.unlink(missing_ok=True)
-            raise
+        """Write the model file; an existing file is replaced whole or left as it was.
+
+        Raises OutputError (an OSError), naming the file, where it cannot be written.
+        """
+        write_whole(Path(path), self.to_json().encode())
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
@@ -295,10 +308,10 @@ def _rebuild(*values: Any) -> TeacherModel:
 
 
 def _table_top(name: str, document: Any) -> TableTop:
-    if not isinstance(document, dict):
+    if not isinstance(document, Mapping):
         raise ModelError(f"{name}: must be an object")
     known = {item.name for item in fields(TableTop)}
-    for key in sorted(set(document) - known):
+    for key in sorted(map(str, set(document) - known)):
         raise ModelError(f"{name}.{key}: unknown field")
     for key in ("cue", "peak", "rise", "fall"):
         if key not in document:

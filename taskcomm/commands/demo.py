@@ -92,7 +92,7 @@ def known_teachers(folder: Path) -> list[TeacherModel]:
         return []
     try:
         teachers: Mapping[str, Any] = json_module.loads(file.read_text(encoding="utf-8"))
-        return [TeacherModel.from_json(json_module.dumps(model)) for model in teachers.values()]
+        return [TeacherModel.from_dict(model) for model in teachers.values()]
     except (AttributeError, ValueError) as error:
         raise ModelError(f"{file}: not the true models of simulated teachers: {error}") from None
 

@@ -11,71 +11,69 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from taskcomm.wholefile import OutputError, forget, part_of, unwritable, write_whole
+
 RECORD_SCHEMA = "taskcomm.run/1"
-
-
-class OutputError(OSError):
-    """A place that results cannot be written to; the message names it."""
-
-
-def _reason(error: OSError) -> str:
-    return error.strerror or str(error)
-
-
-def _part_of(path: Path) -> Path:
-    if not path.name:
-        raise OutputError(f"{path}: is no place for results")
-    return path.with_name(f".part.{path.name}")
 
 
 @contextmanager
 def result_file(path: Path) -> Iterator[Path]:
     """A part file beside `path`, renamed to it at the end; on any error nothing is left.
 
-    Raises OutputError at once if `path` could not be written.
+    The folder of `path` has to be there. Raises OutputError at once if `path` could not be written.
     """
+    part = part_of(path)
     try:
-        if path.is_dir():
-            raise OutputError(f"{path}: is a directory, not a file")
-        part = _part_of(path)  # the ending stays, since it says what to write
         part.write_bytes(b"")
-    except OutputError:
-        raise
     except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {_reason(error)}") from None
+        raise unwritable(path, error) from None
     try:
         yield part
         part.replace(path)
+    except OutputError as error:  # of the part; its reader knows the path alone
+        raise OutputError(str(error).replace(part.name, path.name)) from None
     finally:
-        part.unlink(missing_ok=True)
+        forget(part)
 
 
 @contextmanager
 def result_directory(path: Path) -> Iterator[Path]:
     """An empty directory beside `path`, whose files move into `path` at the end; on any error none do.
 
-    Files of an earlier run with the same names are replaced, others are left. Raises OutputError at
-    once if `path` could not be written.
+    `path` and the folders it stands in are made where they are missing. Files of an earlier run with
+    the same names are replaced, others are left. Raises OutputError at once if `path` could not be written.
     """
-    part = _part_of(path.resolve())
+    whole = path.resolve()
+    if not whole.name:
+        raise OutputError(f"{path}: is no place for results")
+    if whole.exists() and not whole.is_dir():
+        raise OutputError(f"{path}: is a file, not a directory")
+    if whole.is_dir() and not os.access(whole, os.W_OK):
+        raise OutputError(f"{path}: cannot be written: it may not be changed")
+    part = whole.with_name(f".part.{whole.name}")
+    missing = [folder for folder in whole.parents if not folder.exists()]
     try:
-        if path.exists() and not path.is_dir():
-            raise OutputError(f"{path}: is a file, not a directory")
-        if path.is_dir() and not os.access(path, os.W_OK):
-            raise OutputError(f"{path}: cannot be written")
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir(parents=True)
-    except OutputError:
-        raise
     except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {_reason(error)}") from None
+        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
     try:
         yield part
-        path.mkdir(exist_ok=True)
+        whole.mkdir(exist_ok=True)
         for file in sorted(part.iterdir()):
-            file.replace(path / file.name)
+            file.replace(whole / file.name)
     finally:
         shutil.rmtree(part, ignore_errors=True)
+        _remove_empty(missing)
+
+
+def _remove_empty(folders: Iterable[Path]) -> None:
+    """Take away those of the folders, the innermost first, that hold nothing."""
+    for folder in folders:
+        try:
+            folder.rmdir()
+        except OSError:
+            return
 
 
 def sha256_of(path: Path) -> str:
@@ -112,16 +110,16 @@ def run_record(command: str, settings: Mapping[str, Any], inputs: Iterable[Path]
 
 def write_json(document: Any, path: Path) -> None:
     """Write `document` as readable JSON."""
-    path.write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    path.write_bytes(_readable(document))
+
+
+def _readable(document: Any) -> bytes:
+    return (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode()
 
 
 def write_record(record: Mapping[str, Any], result: Path, written: Path | None = None) -> Path:
     """Write `record` beside the file `result`, with its hash (of `written`, if it has yet to be renamed)."""
     beside = result.with_name(result.name + ".run.json")
-    part = beside.with_name(beside.name + ".part")
-    try:
-        write_json({**record, "outputs": {result.name: sha256_of(written or result)}}, part)
-        part.replace(beside)
-    finally:
-        part.unlink(missing_ok=True)
+    document = {**record, "outputs": {result.name: sha256_of(written or result)}}
+    write_whole(beside, _readable(document))
     return beside

@@ -21,6 +21,7 @@ from taskcomm.logs import (
     write_trials,
 )
 from taskcomm.trials import Trial
+from taskcomm.wholefile import OutputError
 from taskcomm.world import BallWorld
 
 # What is written is read again
@@ -180,10 +181,26 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"")
     (tmp_path / "folder").mkdir()
     for place in (tmp_path / "none" / "a.jsonl", tmp_path / "file" / "a.jsonl", tmp_path / "folder"):
-        with pytest.raises(LogError, match=rf"^{re.escape(str(place))}: cannot be written: "):
+        with pytest.raises(OutputError, match=rf"^{re.escape(str(place))}: cannot be written: "):
             write_trials([played()], place)
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["file", "folder"]
     assert stat.S_ISDIR((tmp_path / "folder").stat().st_mode)
+
+
+def test_a_disk_that_is_full_is_no_fault_of_the_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.jsonl"
+    write_trials([played()], path)
+
+    def full(self: Path, content: bytes) -> int:
+        with self.open("wb") as file:
+            file.write(content[: len(content) // 2])
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(OutputError, match=r"a\.jsonl: cannot be written: No space left on device$"):
+        write_trials([played("b")], path)
+    assert path.read_bytes() == trial_bytes(played())
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.jsonl"]
 
 
 def test_places_that_clash_are_refused(tmp_path: Path) -> None:

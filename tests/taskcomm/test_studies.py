@@ -94,7 +94,7 @@ def test_the_card_counts_what_is_in_the_set(data_set: tuple[str, Sequence[Sessio
 
 def test_the_true_teachers_stand_beside_the_trials() -> None:
     teachers = json.loads((DATASETS / "simulated-study" / "teachers.json").read_text(encoding="utf-8"))
-    true = {name: TeacherModel.from_json(json.dumps(document)) for name, document in teachers.items()}
+    true = {name: TeacherModel.from_dict(document) for name, document in teachers.items()}
     assert true == {session.participant_id: session.teacher for session in study_sessions()}
     assert len({model.sha256 for model in true.values()}) == 22
     large = TeacherModel.load(DATASETS / "simulated-large" / "teacher.json")

@@ -152,7 +152,8 @@ def changed(path: str, value: Any) -> str:
 )
 def test_a_wrong_model_file_is_an_error_that_names_the_field(path: str, value: Any, field: str) -> None:
     text = changed(path, value)
-    assert refused(field, lambda: TeacherModel.from_json(text))
+    told = refused(field, lambda: TeacherModel.from_json(text))
+    assert told == refused(field, lambda: TeacherModel.from_dict(json.loads(text)))
 
 
 def test_a_field_given_twice_is_an_error_that_names_it() -> None:
@@ -181,6 +182,9 @@ def test_the_file_gives_the_same_model_back(model: TeacherModel) -> None:
     assert hash(back) == hash(model)
     assert back.mental_states == model.mental_states
     assert back.to_json() == model.to_json()
+    document = {"of several": model.to_dict()}
+    assert TeacherModel.from_dict(document["of several"]) == model
+    assert document == {"of several": json.loads(model.to_json())}
     assert pickle.loads(pickle.dumps(model)) == model
 
 
@@ -223,6 +227,21 @@ def test_saving_replaces_a_file_whole_or_leaves_it_as_it_was(
     other.save(str(path))
     assert TeacherModel.load(path) == other
     assert [item.name for item in tmp_path.iterdir()] == ["model.json"]
+
+
+def test_a_place_that_is_no_file_is_one_error_that_names_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    for place, why in (
+        (".", "it is a directory, not a file"),
+        ("folder", "it is a directory, not a file"),
+        ("nowhere/model.json", "there is no folder nowhere; make it first"),
+    ):
+        with pytest.raises(OSError, match=rf"^{re.escape(place)}: cannot be written: {why}$"):
+            INTUITIVE.save(place)
+    assert [item.name for item in tmp_path.iterdir()] == ["folder"]
 
 
 @given(models(), st.data())
