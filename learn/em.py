@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from learn.coordinates import Bounds, Coordinates, model_at, names_of
 from learn.estep import Evidence
-from learn.exposure import Exposure, FitError, expose
+from learn.exposure import Exposure, FitError, expose, trials_given
 from learn.mstep import MistakePrior, Objective
 from learn.optimum import (
     COARSE,
@@ -75,9 +75,7 @@ def fit(
 
     Source: MODEL.md, section 7.
     """
-    trials = tuple(trials)
-    if not trials:
-        raise FitError("no trials: a fit needs at least one")
+    trials = trials_given(trials)
     if starts < 1 or max_iter < 1:
         raise FitError(f"starts and max_iter must be at least 1, not {starts} and {max_iter}")
     world = trials[0].world if world is None else world

@@ -141,7 +141,7 @@ def log_likelihoods(
     trials: Sequence[Trial], world: World, model: TeacherModel, prior: ArrayLike | None = None
 ) -> Floats:
     """`log_likelihood` of each trial, shape (trials,), in nats."""
-    evidence = Evidence(expose(trials, world, model, prior=prior))
+    evidence = Evidence(expose(trials, world, model, prior=prior, use="a log-likelihood"))
     return evidence.log_likelihoods(model.parameters(world.cue_names))
 
 
@@ -153,5 +153,7 @@ def responsibilities(
     Columns as `model.mental_states`, so the first, waiting, is 0. Tasks as in `log_likelihood`.
     Raises FitError, see `expose`.
     """
+    if not isinstance(trial, Trial):
+        raise TypeError(f"trial: must be one Trial, not a {type(trial).__name__}")
     expose([trial], world, model, prior=prior)
     return smooth(trial, model, world, prior).reasons

@@ -2,7 +2,8 @@
 
 import hashlib
 import json
-from collections.abc import Sequence
+import os
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,35 @@ from taskcomm.world import World
 
 
 class FitError(ValueError):
-    """Trials that cannot be fitted together, or not with this model; the message says which and why."""
+    """Trials that cannot be fitted together, or not with this model; the message says which and why.
+
+    `trial_ids` are those of the trials that it speaks of.
+    """
+
+    def __init__(self, message: str, *trial_ids: str) -> None:
+        super().__init__(message)
+        self.trial_ids = trial_ids
+
+
+def trials_given(trials: object, use: str = "a fit") -> tuple[Trial, ...]:
+    """`trials` as a tuple; TypeError for what are no trials, FitError where there are none for this `use`."""
+    if isinstance(trials, Trial):
+        raise TypeError(
+            f"trials: must be a list of trials, not one; [trial] is one of trial {trials.trial_id}"
+        )
+    if isinstance(trials, (str, os.PathLike)):
+        raise TypeError(
+            f"trials: must be trials, not {trials!r}; taskcomm.read_trials reads them from a file"
+        )
+    if not isinstance(trials, Iterable):
+        raise TypeError(f"trials: must be a list of trials, not {trials!r}")
+    given = tuple(trials)
+    for number, trial in enumerate(given):
+        if not isinstance(trial, Trial):
+            raise TypeError(f"trials[{number}]: must be a Trial, not {trial!r}")
+    if not given:
+        raise FitError(f"no trials: {use} needs at least one")
+    return given
 
 
 def trial_hash(trial: Trial) -> str:
@@ -62,17 +91,19 @@ class Exposure:
 
 
 def _check(trials: Sequence[Trial], world: World, model: TeacherModel) -> None:
-    if not trials:
-        raise FitError("no trials: a fit needs at least one")
     for trial in trials:
         if trial.world != world:
-            raise FitError(f"trial {trial.trial_id}: took place in {trial.world}, not in {world}")
+            raise FitError(
+                f"trial {trial.trial_id}: took place in {trial.world}, not in {world}", trial.trial_id
+            )
         if not trial.num_steps:
-            raise FitError(f"trial {trial.trial_id}: has no steps")
+            raise FitError(f"trial {trial.trial_id}: has no steps", trial.trial_id)
         if abs(trial.dt - trials[0].dt) > 1e-9 * trials[0].dt:
             raise FitError(
                 f"two dt in one fit: {trials[0].dt:g} s in trial {trials[0].trial_id},"
-                f" {trial.dt:g} s in trial {trial.trial_id}"
+                f" {trial.dt:g} s in trial {trial.trial_id}",
+                trials[0].trial_id,
+                trial.trial_id,
             )
     if abs(model.dt - trials[0].dt) > 1e-9 * trials[0].dt:
         raise FitError(
@@ -88,15 +119,16 @@ def expose(
     extent: Extent | None = None,
     prior: ArrayLike | None = None,
     most: int = MAX_MEMORIES,
+    use: str = "a fit",
 ) -> Exposure:
     """The lattice of `trials`, good for every model within `extent` (by default for `model` alone).
 
     Trials whose task is None are taken under every task with a positive `prior` (uniform by default).
-    Raises FitError for zero trials, a trial without steps, two dt, another dt than the model's,
-    another world, a task that the world lacks, a cue that it lacks, a bad prior, or a trial with more than
-    `most` memories under one task.
+    Raises TypeError for what are no trials; FitError for zero trials (which this `use` needs), a trial
+    without steps, two dt, another dt than the model's, another world, a task that the world lacks, a cue
+    that it lacks, a bad prior, or a trial with more than `most` memories under one task.
     """
-    trials = tuple(trials)
+    trials = trials_given(trials, use)
     _check(trials, world, model)
     try:
         parameters = model.parameters(world.cue_names)
@@ -112,12 +144,12 @@ def expose(
             tables, shares = hypotheses(cue_tables(trial, world, parameters.cue), weight, task)
             units += [build_unit(table, trial.presses, extent, model.dt, most) for table in tables]
         except LatticeTooLarge as error:
-            raise FitError(f"trial {trial.trial_id}: {error}") from None
+            raise FitError(f"trial {trial.trial_id}: {error}", trial.trial_id) from None
         except ValueError as error:  # a task or an action that its world does not have
             told = (
                 str(error) if f"trial {trial.trial_id}:" in str(error) else f"trial {trial.trial_id}: {error}"
             )
-            raise FitError(told) from None
+            raise FitError(told, trial.trial_id) from None
         ever |= np.any([table.any(axis=0) for table in tables], axis=0)
         unit_trial += [number] * len(tables)
         unit_tasks += shares

@@ -105,8 +105,11 @@ class Belief:
     def update(self, state: Hashable, pressed: bool) -> Self:
         """The belief after a step that ended in `state`, with or without a press.
 
-        Raises ImpossibleObservation, naming belief, world and observation.
+        Raises ImpossibleObservation, naming belief, world and observation, and TypeError where `pressed` is
+        neither True nor False.
         """
+        if not isinstance(pressed, (bool, np.bool_)):
+            raise TypeError(f"pressed: must be True or False, not {pressed!r}")
         seen, level, on_time, approval = self._advanced(state)
         mistake = self.parameters.mistake
         if pressed:

@@ -106,9 +106,11 @@ def run_trial(
     teacher meets the same numbers whatever the controller draws. The same seed gives the same
     trial, to the byte of its log; `trial_id` is derived from the seed unless given.
 
-    Raises ValueError where controller and teacher live in different worlds or time steps, and
-    InvalidAction where the controller does what its state does not allow.
+    Raises ValueError where controller and teacher live in different worlds or time steps, InvalidAction
+    where the controller does what its state does not allow, and TypeError for an `rng` that is a seed.
     """
+    if not isinstance(rng, np.random.Generator):
+        raise TypeError(f"rng: must be a numpy.random.Generator, such as default_rng({rng!r}), not {rng!r}")
     world, dt = teacher.world, teacher.model.dt
     if controller.world != world:
         raise ValueError("run_trial: controller and teacher are in different worlds")

@@ -1,7 +1,9 @@
 """The E-step: likelihoods, responsibilities and rates against what computes them otherwise."""
 
 import math
+import pickle
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import oracles
@@ -12,7 +14,7 @@ from resetfilter import log_likelihoods as plainly
 from strategies import models, walks
 from taught import CUES, WORLD, by_hand, operator_trials, teacher
 
-from learn import FitError, log_likelihood, log_likelihoods, responsibilities, trial_hash
+from learn import FitError, fit, log_likelihood, log_likelihoods, responsibilities, trial_hash
 from learn.coordinates import Bounds, Coordinates, parameters_at, vector_of
 from learn.estep import Evidence
 from learn.exposure import expose
@@ -194,6 +196,34 @@ def test_trials_that_cannot_be_scored_are_one_error(
 ) -> None:
     with pytest.raises(FitError, match=message):
         log_likelihood(trials, WORLD, model)
+
+
+def test_an_error_names_what_there_are_no_trials_for_and_the_trials_that_it_speaks_of() -> None:
+    with pytest.raises(FitError, match=r"^no trials: a log-likelihood needs at least one$"):
+        log_likelihood([], WORLD, TeacherModel.intuitive())
+    with pytest.raises(FitError, match="two dt") as found:
+        log_likelihood([ONE, replace(ONE, trial_id="two", dt=0.25)], WORLD, TeacherModel.intuitive())
+    assert found.value.trial_ids == ("one", "two")
+    assert pickle.loads(pickle.dumps(found.value)).trial_ids == ("one", "two")
+
+
+@pytest.mark.parametrize(
+    ("trials", "message"),
+    [
+        (ONE, r"^trials: must be a list of trials, not one; \[trial\] is one of trial one$"),
+        ("logs.jsonl", r"^trials: must be trials, not 'logs\.jsonl'; taskcomm\.read_trials reads them"),
+        ([ONE, "two"], r"^trials\[1\]: must be a Trial, not 'two'$"),
+        (None, "^trials: must be a list of trials, not None$"),
+    ],
+)
+def test_what_are_no_trials_is_a_type_error(trials: Any, message: str) -> None:
+    model = TeacherModel.intuitive()
+    for use in (lambda: log_likelihood(trials, WORLD, model), lambda: fit(trials, WORLD)):
+        with pytest.raises(TypeError, match=message):
+            use()
+    if trials is not ONE:
+        with pytest.raises(TypeError, match=r"^trial: must be one Trial, not a (str|list|NoneType)$"):
+            responsibilities(trials, WORLD, model)
 
 
 def test_a_prior_that_is_none_is_an_error() -> None:

@@ -258,6 +258,13 @@ def test_a_model_with_a_cue_that_the_world_lacks_is_an_error() -> None:
         Belief.initial(PAPER, model)
 
 
+@pytest.mark.parametrize("pressed", [None, 1.0, "spacebar"])
+def test_an_observation_that_is_neither_a_press_nor_none_is_an_error(pressed: Any) -> None:
+    belief = Belief.initial(BallWorld(), TeacherModel.intuitive())
+    with pytest.raises(TypeError, match=f"^pressed: must be True or False, not {pressed!r}$"):
+        belief.update(BallWorld().start(), pressed)
+
+
 def test_entropy_is_in_nats_and_0_ln_0_is_0() -> None:
     assert entropy([0.25] * 4) == pytest.approx(math.log(4), rel=1e-15)
     assert entropy([1.0, 0.0]) == 0.0

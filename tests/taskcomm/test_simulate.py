@@ -222,3 +222,6 @@ def test_refuses_controllers_of_another_world_or_time_step_or_without_a_valid_ac
         run_trial(Scripted(WORLD, [NOA, Action.parse("light_off(2)")], 5), teacher, rng)
     with pytest.raises(ValueError, match="max_steps: must be at least 1, not 0"):
         run_trial(Scripted(WORLD, [], 2), teacher, rng, max_steps=0)
+    seed: Any = 7
+    with pytest.raises(TypeError, match=r"rng: must be a numpy.random.Generator, such as default_rng\(7\)"):
+        run_trial(Scripted(WORLD, [], 2), teacher, rng=seed)
