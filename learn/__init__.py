@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 _HOME = {
     "Bounds": "learn.coordinates",
+    "ClosedLoop": "learn.closed_loop",
+    "Comparison": "learn.compare",
     "FitError": "learn.exposure",
     "FitResult": "learn.result",
     "MistakePrior": "learn.mstep",
+    "compare_models": "learn.compare",
     "fit": "learn.em",
     "log_likelihood": "learn.estep",
     "log_likelihoods": "learn.estep",
@@ -20,6 +23,9 @@ _HOME = {
 __all__ = [*sorted(_HOME)]
 
 if TYPE_CHECKING:
+    from learn.closed_loop import ClosedLoop as ClosedLoop
+    from learn.compare import Comparison as Comparison
+    from learn.compare import compare_models as compare_models
     from learn.coordinates import Bounds as Bounds
     from learn.em import fit as fit
     from learn.estep import log_likelihood as log_likelihood

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from learn.calibration import Calibration, calibration
 from learn.closed_loop import ClosedLoop, closed_loop, outcome_of
 from learn.decisions import Disagreement, disagreement
+from learn.exposure import trials_given
 from learn.held_out import BLIND, LEARNED, HeldOut, held_out
 from taskcomm.teacher import TeacherModel
 from taskcomm.trials import Trial
@@ -25,7 +26,7 @@ def quiet(_text: str, _total: int) -> AbstractContextManager[Callable[[int], Non
 
 @dataclass(frozen=True)
 class Comparison:
-    """Everything that `compare` found; see its parts for the laws and units.
+    """Everything that `compare_models` found; see its parts for the laws and units.
 
     `fitted` is the fit to all trials: the robot `learned` of the closed loop. `disagreement[arm]` is of
     that arm against `learned`. `calibration` is by arm, on the logs and in the closed loop. `truth`
@@ -97,7 +98,7 @@ def loop_json(loop: ClosedLoop, baseline: str) -> dict[str, Any]:
     return {"settings": dict(loop.settings), "arms": arms}
 
 
-def compare(
+def compare_models(
     trials: Sequence[Trial],
     models: Mapping[str, TeacherModel],
     *,
@@ -125,8 +126,8 @@ def compare(
     from learn import fit
 
     if not models:
-        raise ValueError("compare: needs at least one model to hold the learned one against")
-    trials = tuple(trials)
+        raise ValueError("compare_models: needs at least one model to hold the learned one against")
+    trials = trials_given(trials, "a comparison")
     options = {"seed": seed} | dict(fit_options or {})
     count = min(folds, len({t.participant_id or t.trial_id for t in trials}))
     with stage("fitting by folds of people", count) as progress:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.bootstrap import Interval, ratio_interval
-from learn.exposure import FitError, trial_hash
+from learn.exposure import FitError, trial_hash, trials_given
 from taskcomm.parallel import map_in_order
 from taskcomm.teacher import TeacherModel
 from taskcomm.trials import Trial
@@ -139,9 +139,7 @@ def held_out(
 
     if {LEARNED, BLIND} & set(models):
         raise ValueError(f"{LEARNED!r} and {BLIND!r} are names of arms; call the model otherwise")
-    trials = tuple(trials)
-    if not trials:
-        raise FitError("no trials: a comparison needs some of at least two people")
+    trials = trials_given(trials, "a comparison")
     people = tuple(map(person_of, trials))
     fold = folds_of_people(people, folds, seed)
     world = trials[0].world

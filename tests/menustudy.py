@@ -6,8 +6,7 @@ from functools import cache
 import numpy as np
 from tinyworld import menu
 
-from learn import fit
-from learn.compare import Comparison, compare
+from learn import Comparison, compare_models, fit
 from taskcomm.planner import EntropyPlanner
 from taskcomm.robot import Robot
 from taskcomm.simulate import SimulatedTeacher, run_trial
@@ -39,7 +38,7 @@ def study() -> tuple[Trial, ...]:
 @cache
 def comparison() -> Comparison:
     seen = fit(study()[:4], world=WORLD, initial=START, starts=1).model
-    return compare(
+    return compare_models(
         study(),
         {"intuitive": START, "seen": seen},
         folds=3,

@@ -1,5 +1,6 @@
 """What importing loads: the packages stay light, and whatever is heavy waits for its first use."""
 
+import pkgutil
 import subprocess
 import sys
 
@@ -62,10 +63,22 @@ def test_importing_taskcomm_takes_at_most_three_times_as_long_as_numpy() -> None
 
 
 def test_every_public_name_is_there_and_documented() -> None:
+    import learn
     import taskcomm
 
-    for name in taskcomm.__all__:
-        assert getattr(taskcomm, name).__doc__, name
-    assert set(taskcomm.__all__) < set(dir(taskcomm))
+    for package in (taskcomm, learn):
+        for name in package.__all__:
+            assert getattr(package, name).__doc__, name
+        assert set(package.__all__) <= set(dir(package))
     with pytest.raises(AttributeError, match="no attribute 'BallWorlds'"):
         _ = taskcomm.BallWorlds
+    with pytest.raises(AttributeError, match="no attribute 'fitt'"):
+        _ = learn.fitt
+
+
+def test_no_public_name_of_learn_is_also_a_modules() -> None:
+    """Else what `from learn import name` gives would depend on what was imported before."""
+    import learn
+
+    modules = {found.name for found in pkgutil.iter_modules(learn.__path__)}
+    assert modules.isdisjoint(learn.__all__)

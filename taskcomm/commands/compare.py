@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from learn.compare import Comparison, compare
+from learn.compare import Comparison, compare_models
 from learn.held_out import LEARNED
 from learn.outcome_files import write_comparison
 from learn.report import span
@@ -47,7 +47,7 @@ def run(
             check_model(model, name, trials[0].world, steps)
         files = [*log_files(logs), *model_files([*(models or ()), *(teacher or ())])]
         record = run_record("compare", settings, files)
-        found = compare(
+        found = compare_models(
             trials, named, truth=truths, blind=blind, folds=folds, decisions=decisions,
             truth_note=note,
             loop_trials=closed_loop, horizon=horizon, threshold=threshold, max_steps=max_steps, seed=seed,

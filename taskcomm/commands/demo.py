@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from learn.compare import Comparison, compare
+from learn.compare import Comparison, compare_models
 from learn.held_out import LEARNED
 from learn.outcome_files import write_comparison
 from learn.replay_figure import replay_figure
@@ -51,7 +51,7 @@ def run(out: Path, data: Path | None, trials: int, seed: int, jobs: int, json: b
         note = (
             "one new person each, drawn from the same spread as those of the logs, and met by no model before"
         )
-        found = compare(
+        found = compare_models(
             logged, {"intuitive": TeacherModel.intuitive()}, truth=fresh if data is None else (),
             truth_note=note if data is None else f"the model learned from all of these logs, `{LEARNED}`",
             loop_trials=trials, decisions=200, seed=seed, jobs=jobs, fit_options={"starts": 3},

@@ -9,9 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from menustudy import FAST, START, TRUE, WORLD, comparison, study
 
-from learn import FitError, fit, log_likelihood
+from learn import FitError, compare_models, fit, log_likelihood
 from learn.blind import fit_blind
-from learn.compare import compare
 from learn.held_out import BLIND, LEARNED, folds_of_people, held_out
 from learn.report import report
 from taskcomm.teacher import TeacherModel
@@ -124,7 +123,7 @@ def test_numbers_of_the_comparison_are_json_and_agree_with_its_parts() -> None:
 
 
 def test_without_a_loop_decisions_or_the_blind_arm_the_rest_stands() -> None:
-    found = compare(
+    found = compare_models(
         study(),
         {"intuitive": START},
         folds=2,
@@ -143,13 +142,13 @@ def test_without_a_loop_decisions_or_the_blind_arm_the_rest_stands() -> None:
 
 def test_what_cannot_be_compared_is_refused() -> None:
     with pytest.raises(FitError, match="no trials"):
-        compare((), {"a": START})
+        compare_models((), {"a": START})
     alone = [replace(trial, participant_id="p") for trial in study()]
     with pytest.raises(FitError, match="at least two people"):
         held_out(alone, {"a": START})
     with pytest.raises(ValueError, match="names of arms"):
         held_out(study(), {LEARNED: TRUE})
     with pytest.raises(ValueError, match="at least one model"):
-        compare(study(), {})
+        compare_models(study(), {})
     with pytest.raises(FitError, match="dt"):
         held_out(study(), {"a": TeacherModel.from_json(START.to_json()).with_dt(0.25)}, fit_options=FAST)
