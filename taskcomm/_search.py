@@ -412,25 +412,31 @@ def _push(real, whole, depth, start, stop, steps, since, cost, cutoff):
 def search(
     top, mu, rest_steps, first, count, successor, pattern, reach, climb, run, past,
     task, row, ahead, trail, table, exact, order, group, show, gain, real, whole,
-    rows, steps, since, cost, slack, gamma,
+    rows, steps, since, cost, slack, gamma, resume, budget,
 ):  # fmt: skip
     """Q_steps of every action at trail[0] for the first `rows` rows, whose own C is `cost`.
 
     Into table[0, BOUND] and exact: Q, or a lower bound on it; exact for every action within
-    `slack` of the least. Returns the number of nodes visited, or -1 where the rows did not fit.
+    `slack` of the least. Stops after `budget` nodes, and goes on from there if called again with the same
+    arrays and the depth it returned as `resume` (at first -1); what stands in the table is right at any time.
+    Returns the number of nodes visited, or -1 where the rows did not fit, and the depth reached: -1 at
+    the end.
     """
-    depth, nodes, value = 0, 0, 0.0
-    weight = 0.0
-    for r in range(rows - 1, -1, -1):  # the first row of a task comes last
-        weight += row[r, WEIGHT]
-        if r == 0 or task[r] != task[r - 1]:
-            row[r, OWN], weight = _xlogx(weight), 0.0
-    _push(real, whole, 0, 0, rows, steps, since, cost, np.inf)
-    real[0, SLACK] = slack
+    depth, nodes, value = max(resume, 0), 0, 0.0
+    if resume < 0:
+        weight = 0.0
+        for r in range(rows - 1, -1, -1):  # the first row of a task comes last
+            weight += row[r, WEIGHT]
+            if r == 0 or task[r] != task[r - 1]:
+                row[r, OWN], weight = _xlogx(weight), 0.0
+        _push(real, whole, 0, 0, rows, steps, since, cost, np.inf)
+        real[0, SLACK] = slack
     while depth >= 0:
         start, stop, steps = whole[depth, START], whole[depth, STOP], whole[depth, STEPS]
         node, resting = trail[depth], whole[depth, SINCE] < rest_steps
         if whole[depth, PHASE] == ENTER:
+            if nodes >= budget:
+                return nodes, depth
             stop = _merge(run[node, steps], pattern, past, trail, task, row, depth, start, stop)
             whole[depth, STOP] = stop
             if steps > 1:
@@ -497,7 +503,7 @@ def search(
             mu, pattern, trail[depth + 1], task, row, ahead, group[depth], start, stop
         )
         if press_stop < 0:
-            return -1
+            return -1, depth
         silent, press = table[depth, SILENT, action], table[depth, PRESS, action]
         mass = table[depth, PRESSED, action]
         real[depth, ROOM] = (limit - silent - press) / gamma
@@ -508,4 +514,4 @@ def search(
             whole[depth, SINCE] + 1, silent, real[depth, ROOM] - real[depth, LEAST_PRESS],
         )  # fmt: skip
         depth += 1
-    return nodes
+    return nodes, -1

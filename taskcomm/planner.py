@@ -1,15 +1,17 @@
 """The planner: the action that minimises the sum of expected entropy (MODEL.md, section 6)."""
 
+import math
+import time
 from collections.abc import Hashable
 from copy import copy
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taskcomm.belief import Belief
 from taskcomm.explain import Explanation, explanation
+from taskcomm.searching import Search
 from taskcomm.teacher import TeacherModel
 from taskcomm.world import World
 from taskcomm.worldgraph import WorldGraph
@@ -24,9 +26,11 @@ class Decision:
 
     `values` are exact expected costs Q_h in nats, by action in canonical order: all of them with
     `exact_values`, otherwise those that could not be ruled out early. `bounds` are lower bounds for
-    the rest. `ties` are the actions within 1e-9 of the least. `gap` is how far the next best action
-    that is no tie lies above the least: exact where that action is in `values`, else at least this;
-    infinite where there is none. `nodes` counts beliefs whose actions were looked at.
+    the rest, `upper_bounds` upper ones. `ties` are the actions within 1e-9 of the least. `gap` is how far
+    the next best action that is no tie lies above the least: exact where that action is in `values`, else
+    at least this; infinite where there is none. `horizon` is how many steps were looked ahead; the action
+    is proven to be the best at that horizon. `nodes` counts beliefs whose actions were looked at;
+    `seconds` is wall time.
     """
 
     action: Any
@@ -36,6 +40,8 @@ class Decision:
     gap: float
     horizon: int
     nodes: int
+    upper_bounds: dict[Any, float] = field(default_factory=dict)
+    seconds: float = field(default=0.0, compare=False)
     asked: "_Asked | None" = field(default=None, repr=False, compare=False)
 
     @property
@@ -111,17 +117,36 @@ class EntropyPlanner:
         quick = EntropyPlanner(self.world, self.model, horizon=1)
         quick.plan(Belief.initial(self.world, self.model), self.world.start())
 
-    def plan(self, belief: Belief, state: Hashable, exact_values: bool = False) -> Decision:
+    def plan(
+        self, belief: Belief, state: Hashable, exact_values: bool = False, deadline: float | None = None
+    ) -> Decision:
         """The decision in world `state` under `belief`.
 
-        Raises ValueError where the belief is one over other tasks or under another model.
+        With a `deadline` (s from now), the decision at the longest horizon, up to the planner's, whose
+        search ends by then; `Decision.horizon` says which, and the decision is exact at it. One step ahead is
+        always looked, and that takes no time to speak of. Raises ValueError where the belief is one over
+        other tasks or under another model, or the deadline is not positive.
         """
+        if deadline is not None and not deadline > 0:
+            raise ValueError(f"deadline must be a positive number of seconds, not {deadline!r}")
+        started = time.perf_counter()
         if belief.model != self.model or len(belief.world.tasks) != len(self.world.tasks):
             raise ValueError("the belief was made with another model or world than the planner")
-        root = self._graph.node(state)
-        self._graph.grow(root, self.horizon)
-        bound, exact, nodes = self._search(belief, root, np.inf if exact_values else _SLACK)
-        actions = self._graph.actions[root]
+        root, slack = self._graph.node(state), np.inf if exact_values else _SLACK
+        search = None
+        for horizon in [self.horizon] if deadline is None else range(1, self.horizon + 1):
+            until = math.inf if deadline is None or horizon == 1 else started + deadline
+            deeper = self._search(belief, root, horizon, slack, until)
+            if deeper is None:
+                break
+            search = deeper
+        assert search is not None  # the first horizon has no deadline
+        return self._decision(search, self._graph.actions[root], _Asked(self, belief, state), started)
+
+    def _decision(
+        self, search: Search, actions: tuple[Any, ...], asked: "_Asked", started: float
+    ) -> Decision:
+        bound, exact = search.bound, search.exact
         least = float(bound[exact].min())
         tied = [a for a in range(len(actions)) if exact[a] and bound[a] <= least + TIE]
         others = [float(bound[a]) for a in range(len(actions)) if a not in tied]
@@ -130,11 +155,13 @@ class EntropyPlanner:
             action=actions[chosen],
             values={actions[a]: float(bound[a]) for a in np.flatnonzero(exact)},
             bounds={actions[a]: float(bound[a]) for a in np.flatnonzero(~exact)},
+            upper_bounds={actions[a]: float(search.at_most[a]) for a in np.flatnonzero(~exact)},
             ties=tuple(actions[a] for a in tied),
             gap=min(others, default=np.inf) - least,
-            horizon=self.horizon,
-            nodes=nodes,
-            asked=_Asked(self, belief, state),
+            horizon=search.horizon,
+            nodes=search.nodes,
+            seconds=time.perf_counter() - started,
+            asked=asked,
         )
 
     def _best(self, belief: Belief, state: Hashable, horizon: int) -> Decision:
@@ -143,15 +170,17 @@ class EntropyPlanner:
         shorter.horizon, shorter.ties = horizon, "first"
         return shorter.plan(belief, state)
 
-    def _search(
-        self, belief: Belief, root: int, slack: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.bool_], int]:
-        """Q or a lower bound by action, which of them are Q, and the nodes visited."""
+    def _search(self, belief: Belief, root: int, horizon: int, slack: float, until: float) -> Search | None:
+        """The finished search, or None if `until` came first."""
+        if not self._graph.grow(root, horizon, until):
+            return None
         while True:
-            found = _searched(belief, self._graph, root, self.horizon, slack, self.gamma, self._capacity)
-            if found[2] >= 0:
-                return found
-            self._capacity *= 4  # the rows did not fit
+            search = Search(belief, self._graph, root, horizon, slack, self.gamma, self._capacity)
+            if search.run(until):
+                return search
+            if search.fits:
+                return None
+            self._capacity *= 4
 
 
 class _Asked(NamedTuple):
@@ -160,49 +189,3 @@ class _Asked(NamedTuple):
     planner: EntropyPlanner
     belief: Belief
     state: Hashable
-
-
-def _searched(
-    belief: Belief, graph: WorldGraph, root: int, horizon: int, slack: float, gamma: float, capacity: int
-) -> tuple[NDArray[np.float64], NDArray[np.bool_], int]:
-    """The compiled search, from a belief to arrays and back; nodes are -1 where the rows did not fit."""
-    from taskcomm import _search  # numba is loaded, and the kernel compiled, only when it is needed
-
-    p = belief.parameters
-    states, rows, most = len(p.peak), len(belief.task), int(graph.count.max())
-    decays = bool(np.isfinite(p.decay).any())
-    capacity = max(capacity, rows * (states + 3))
-    task, row = np.zeros(capacity, dtype=np.int64), np.zeros((capacity, 2 + states * (1 + decays)))
-    task[:rows], row[:rows, _search.WEIGHT] = belief.task, belief.weight
-    row[:rows, _search.LEVEL : _search.LEVEL + states] = belief.level
-    if decays:
-        row[:rows, _search.LEVEL + states :] = belief.on_time
-    bits = (1 << np.arange(states)).astype(np.uint16)[None, :, None]
-    past = np.where(belief.seen, bits, np.uint16(0)).sum(axis=1).astype(np.uint16)
-    first = p.part_late * p.dt
-    last = p.dt - first
-    speeds = [last / p.rise, last / p.fall, first / p.rise, first / p.fall]
-    table = np.zeros((horizon, 4, most))
-    exact = np.zeros((horizon, most), dtype=np.bool_)
-    nodes = _search.search(
-        np.column_stack([p.peak, *speeds, first, last, p.steps_late, p.decay, p.hold]),
-        p.mistake,
-        p.rest_steps,
-        *(graph.first, graph.count, graph.successor, graph.pattern, graph.reach, graph.climb, graph.run),
-        past,
-        task,
-        row,
-        np.zeros((capacity, states, 2, 3)),
-        np.full(horizon + 1, root),
-        table,
-        exact,
-        np.zeros((horizon, most), dtype=np.int64),
-        np.zeros((horizon, len(belief.world.tasks) + 2, 11)),
-        np.zeros(len(past) + horizon, dtype=np.int64),
-        np.zeros((horizon, horizon, 7)),
-        np.zeros((horizon, 7)),
-        np.zeros((horizon, 8), dtype=np.int64),
-        *(rows, horizon, belief.since_press, belief.entropy(), slack, gamma),
-    )
-    count = int(graph.count[root])
-    return table[0, _search.BOUND, :count], exact[0, :count], int(nodes)

@@ -1,5 +1,7 @@
 """World states interned to numbers: successors and cue patterns as arrays, grown as needed."""
 
+import math
+import time
 from collections.abc import Hashable
 from typing import Any
 
@@ -79,14 +81,19 @@ class WorldGraph:
         self.actions[node] = actions
         self._used += len(actions)
 
-    def grow(self, root: int, depth: int) -> None:
-        """Expand all nodes less than `depth` steps from `root`, and fill in their `reach`."""
+    def grow(self, root: int, depth: int, until: float = math.inf) -> bool:
+        """Expand all nodes less than `depth` steps from `root`, and fill in what they lead to.
+
+        False if `until` (on the clock of time.perf_counter) came first; what was done is kept.
+        """
         if self.depth[root] >= depth:
-            return
+            return True
         layers, seen = [[root]], {root}
         for _ in range(depth):
             layer: list[int] = []
             for node in layers[-1]:
+                if time.perf_counter() >= until:
+                    return False
                 self.expand(node)
                 for reached in self._after(node):
                     if reached not in seen:
@@ -97,7 +104,10 @@ class WorldGraph:
             for layer in layers[: depth - steps + 1]:
                 for node in layer:
                     if self.depth[node] < steps:
+                        if time.perf_counter() >= until:
+                            return False
                         self._fill(node, steps)
+        return True
 
     def _fill(self, node: int, steps: int) -> None:
         """What `steps` steps from a node can show, from what one step less can show from its successors."""

@@ -41,6 +41,7 @@ def assert_equals_the_whole_tree(belief: Belief, state: object, horizon: int, ga
         assert value == pytest.approx(oracle[action], abs=1e-9)
     for action, bound in quick.bounds.items():
         assert least < bound <= oracle[action] + 1e-9
+        assert quick.upper_bounds[action] >= oracle[action] - 1e-9
     true_gap = min((v for a, v in oracle.items() if a not in quick.ties), default=np.inf) - least
     assert quick.gap <= true_gap + 1e-9
     assert exact.gap == pytest.approx(true_gap, abs=1e-9)

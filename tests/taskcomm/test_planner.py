@@ -8,6 +8,7 @@ from trees import assert_equals_the_whole_tree, situations
 
 from taskcomm.belief import Belief
 from taskcomm.planner import EntropyPlanner
+from taskcomm.searching import Search
 from taskcomm.teacher import ModelError, TableTop, TeacherModel
 from taskcomm.world import Action, BallWorld
 
@@ -97,6 +98,38 @@ def test_rows_beyond_the_working_memory_are_made_room_for() -> None:
     assert small.plan(belief, state, exact_values=True) == wanted
 
 
+def test_a_deadline_gives_the_longest_horizon_that_ends_by_then() -> None:
+    world, model = BallWorld(), TeacherModel.intuitive()
+    planner, belief, state = EntropyPlanner(world, model, 12), Belief.initial(world, model), world.start()
+    planner.warm_up()
+    horizons = []
+    for deadline in (1e-9, 0.05, 0.4):
+        decision = planner.plan(belief, state, deadline=deadline)
+        whole = EntropyPlanner(world, model, decision.horizon).plan(belief, state)
+        assert (decision.action, decision.ties) == (whole.action, whole.ties)
+        assert decision.value == pytest.approx(whole.value, abs=1e-9)
+        horizons.append(decision.horizon)
+    assert horizons == sorted(horizons)
+    assert horizons[0] == 1
+    assert 3 <= horizons[2] < 12
+    assert EntropyPlanner(world, model, 3).plan(belief, state, deadline=60.0).horizon == 3
+
+
+def test_a_search_in_slices_is_the_search_in_one() -> None:
+    belief, state = peaked(4)
+    planner = EntropyPlanner(belief.world, belief.model, 5)
+    whole = planner.plan(belief, state, exact_values=True)
+    root = planner._graph.node(state)
+    search = Search(belief, planner._graph, root, 5, np.inf, 1.0, planner._capacity)
+    slices = 1
+    while search.fits and not search.run(until=0.0):
+        slices += 1
+    assert search.fits
+    assert slices > 1
+    assert list(search.bound) == list(whole.values.values())
+    assert search.nodes == whole.nodes
+
+
 def test_random_ties_are_drawn_from_the_ties_by_the_seed() -> None:
     world, model = BallWorld(), TeacherModel.intuitive()
     belief = Belief.initial(world, model)
@@ -123,6 +156,13 @@ def test_random_ties_are_drawn_from_the_ties_by_the_seed() -> None:
 def test_bad_settings_are_named(arguments: dict[str, object], named: str) -> None:
     with pytest.raises(ValueError, match=named):
         EntropyPlanner(BallWorld(), TeacherModel.intuitive(), **arguments)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("deadline", [0.0, -1.0, float("nan")])
+def test_a_deadline_must_be_positive(deadline: float) -> None:
+    world, model = BallWorld(2, 1), TeacherModel.intuitive()
+    with pytest.raises(ValueError, match="deadline"):
+        EntropyPlanner(world, model, 2).plan(Belief.initial(world, model), world.start(), deadline=deadline)
 
 
 def test_unknown_cues_and_foreign_beliefs_are_refused() -> None:
