@@ -127,6 +127,12 @@ class _Runner:
             self.robots[arm] = Robot(self.world, model, planner=planner, threshold=self.threshold)
         return self.robots[arm]
 
+    def warm_up(self) -> None:
+        """Compile the search here, once, and not in every process."""
+        from taskcomm.planner import EntropyPlanner
+
+        EntropyPlanner(self.world, next(iter(self.arms.values()))).warm_up()
+
     def __call__(self, index: int) -> list[Outcome]:
         from taskcomm.simulate import SimulatedTeacher, run_trial
 
@@ -188,6 +194,8 @@ def closed_loop(
             f"dt: the closed loop has models with {', '.join(f'{dt:g} s' for dt in sorted(steps))}"
         )
     runner = _Runner(world, dict(arms), truths, horizon, seed, threshold, max_steps)
+    if jobs > 1:
+        runner.warm_up()
     results = map_in_order(runner, range(trials), jobs, progress)
     settings = {
         "trials": trials,

@@ -117,6 +117,10 @@ def disagreement(
         at.setdefault(n, []).append(t)
     items = [(trials[n], model(n), reference(n), frozenset(steps)) for n, steps in at.items()]
     replanner = _Replanner(trials[0].world, horizon, threshold)
+    if jobs > 1 and items:
+        from taskcomm.planner import EntropyPlanner
+
+        EntropyPlanner(trials[0].world, items[0][1]).warm_up()  # compiled here, once, not in every process
     results = map_in_order(replanner, items, jobs, progress)
     whose = [people[n] for n, found in zip(at, results, strict=True) for one in found if one is not None]
     decided = [one for found in results for one in found if one is not None]

@@ -1,6 +1,7 @@
 """The closed loop: common random numbers, whatever the number of processes, and what is made of it."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -168,3 +169,26 @@ def test_rows_hold_every_trial_of_every_arm() -> None:
     ]
     assert loop.time_ratio("b", "a").estimate == 1.5
     assert loop.difference("b", "a", "correct").estimate == -1.0
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_the_search_is_compiled_before_it_is_needed_in_several_processes(
+    jobs: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done: list[str] = []
+
+    def mapped(work: Any, items: Any, *_: Any) -> list[Any]:
+        done.append("map")
+        return [work(item) for item in items]
+
+    for module in ("learn.closed_loop", "learn.decisions"):
+        monkeypatch.setattr(f"{module}.map_in_order", mapped)
+    monkeypatch.setattr(EntropyPlanner, "warm_up", lambda _: done.append("warm"))
+    closed_loop(WORLD, {"eager": EAGER}, EAGER, 1, horizon=1, jobs=jobs)
+    trial = run_trial(
+        Robot(WORLD, EAGER, EntropyPlanner(WORLD, EAGER, horizon=1)),
+        SimulatedTeacher(WORLD, EAGER, WORLD.tasks[0]),
+        np.random.default_rng(0),
+    )
+    disagreement([trial], ["a"], lambda n: EAGER, lambda n: EAGER, horizon=1, jobs=jobs)
+    assert done == (["map"] if jobs == 1 else ["warm", "map"]) * 2
