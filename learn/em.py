@@ -188,6 +188,9 @@ def _result(
         "versions": _versions(),
         "settings": settings,
         "initial_sha256": initial.sha256,
+        **(
+            {"initial_conversion": conversion} if (conversion := initial.provenance.get("conversion")) else {}
+        ),
         "trials": len(exposure.hashes),
         "trial_sha256": sorted(exposure.hashes),
         "log_likelihood": expectation.value,

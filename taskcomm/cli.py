@@ -29,6 +29,9 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, an
 Jobs = Annotated[int, typer.Option(min=1, help="Processes; results do not depend on it.")]
 Horizon = Annotated[int, typer.Option(min=1, max=8, help="Planning horizon in steps of 0.5 s.")]
 Threshold = Annotated[float, typer.Option(min=0.5, max=0.999999, help="Belief above which Final is shown.")]
+ConvertDt = Annotated[
+    bool, typer.Option("--convert-dt", help="Convert models to the step of the logs, approximately.")
+]
 MaxSteps = Annotated[int, typer.Option(min=1, help="Steps after which a trial is a timeout.")]
 
 
@@ -36,7 +39,7 @@ MaxSteps = Annotated[int, typer.Option(min=1, help="Steps after which a trial is
     epilog="Example: taskcomm simulate --trials 40 --teacher intuitive --robot operator --out trials.jsonl"
 )
 def simulate(
-    out: Annotated[Path, typer.Option(help="Log to write: .jsonl or .jsonl.gz.")],
+    out: Annotated[Path, typer.Option(help="Log to write: .jsonl or .jsonl.gz, in a folder that is there.")],
     trials: Annotated[int, typer.Option(min=1, help="Number of trials.")] = 20,
     teacher: Annotated[str, typer.Option(help="The teachers: a model file, or 'intuitive'.")] = "intuitive",
     robot: Annotated[
@@ -65,8 +68,9 @@ def simulate(
 @app.command(epilog="Example: taskcomm fit trials.jsonl --out learned.json --delays")
 def fit(
     logs: Logs,
-    out: Annotated[Path, typer.Option(help="Model file to write.")],
+    out: Annotated[Path, typer.Option(help="Model file to write, in a folder that is there.")],
     initial: Annotated[str, typer.Option(help="Model to start from: a file, or 'intuitive'.")] = "intuitive",
+    convert_dt: ConvertDt = False,
     delays: Annotated[bool, typer.Option("--delays", help="Fit the delays too.")] = False,
     starts: Annotated[int, typer.Option(min=1, help="Starts of EM; the first is the initial model.")] = 6,
     max_iter: Annotated[int, typer.Option(min=1, help="Iterations of EM from each start.")] = 500,
@@ -88,7 +92,7 @@ def fit(
 )
 def compare(
     logs: Logs,
-    out: Annotated[Path, typer.Option(help="Directory for the report, figures and tables.")],
+    out: Annotated[Path, typer.Option(help="Directory for the report, figures and tables; made if missing.")],
     models: Annotated[
         list[str] | None,
         typer.Option(
@@ -102,6 +106,7 @@ def compare(
             help="Teachers of the closed loop: model files (default: the model learned from the logs)."
         ),
     ] = None,
+    convert_dt: ConvertDt = False,
     folds: Annotated[int, typer.Option(min=2, help="Folds of people.")] = 5,
     decisions: Annotated[int, typer.Option(min=0, help="Logged decisions to plan anew; 0 for none.")] = 300,
     blind: Annotated[bool, typer.Option(help="The HMM that sees presses only, as an arm.")] = True,
@@ -167,9 +172,9 @@ def validate(
 
 @app.command(epilog="Example: taskcomm demo --out demo-results")
 def demo(
-    out: Annotated[Path, typer.Option(help="Directory for the report, figures and tables.")] = Path(
-        "demo-results"
-    ),
+    out: Annotated[
+        Path, typer.Option(help="Directory for the report, figures and tables; made if missing.")
+    ] = Path("demo-results"),
     data: Annotated[
         Path | None, typer.Option(help="Directory of logs (default: datasets/simulated-study).", exists=True)
     ] = None,

@@ -54,6 +54,11 @@ class LogReader:
         """Every trial without a problem, in the order in which they began."""
         return [part.trial() for part in self._trials.values() if part is not None and not part.broken]
 
+    @property
+    def places(self) -> dict[str, str]:
+        """Where each trial began, as file:line, by trial_id."""
+        return {name: part.place for name, part in self._trials.items() if part is not None}
+
     def read(self, path: Path) -> None:
         """Read one file, .jsonl or .jsonl.gz."""
         self._path, self._line = str(path), None

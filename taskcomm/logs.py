@@ -65,12 +65,22 @@ def read_trials(paths: Paths, world: World | None = None) -> list[Trial]:
     of line are ignored; a torn last line is dropped with a TornLogWarning. Anything else wrong
     raises LogError with file, line and reason.
     """
+    return _read(paths, world).trials()
+
+
+def read_with_places(paths: Paths, world: World | None = None) -> tuple[list[Trial], dict[str, str]]:
+    """`read_trials`, and where in the logs each trial begins: file:line, by trial_id."""
+    reader = _read(paths, world)
+    return reader.trials(), reader.places
+
+
+def _read(paths: Paths, world: World | None) -> LogReader:
     reader = LogReader(world)
     for path in log_files(paths):
         reader.read(path)
     for torn in reader.torn:
-        warnings.warn(TornLogWarning(str(torn)), stacklevel=2)
-    return reader.trials()
+        warnings.warn(TornLogWarning(str(torn)), stacklevel=3)
+    return reader
 
 
 def validate(paths: Paths, world: World | None = None) -> Report:

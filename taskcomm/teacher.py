@@ -183,7 +183,10 @@ class TeacherModel:
             state: replace(top, peak=top.peak * scale, rise=max(top.rise, dt), fall=max(top.fall, dt))
             for state, top in self.approvals.items()
         }
-        note = dict(self.provenance) | {"converted_from_dt": self.dt}
+        note = dict(self.provenance) | {
+            "converted_from_dt": self.dt,
+            "conversion": f"from dt = {self.dt:g} s to {dt:g} s, approximate",
+        }
         return replace(self, mistake=self.mistake * scale, approvals=tops, dt=dt, provenance=note)
 
     def parameters(self, cue_names: Sequence[str]) -> Parameters:

@@ -101,8 +101,60 @@ def test_simulate_with_a_planning_robot_and_files_in_a_small_world(tmp_path: Pat
     assert {trial.robot_model["sha256"] for trial in trials if trial.robot_model} == {
         TeacherModel.load(model).sha256
     }
-    assert {trial.participant_id for trial in trials} == {"s0-p0", "s0-p1"}
+    people = {f"s0-{TeacherModel.load(model).sha256[:4]}-p{number:03d}" for number in range(2)}
+    assert {trial.participant_id for trial in trials} == people
     assert all(trial.num_steps <= 30 for trial in trials)
+
+
+def test_logs_of_one_seed_can_be_used_together(tmp_path: Path, model: Path) -> None:
+    """Trials have ids of their own, whatever was set; people are the same where they teach alike."""
+    short = ("--trials", 2, "--max-steps", 4, "--horizon", 1, "--jobs", 1, "--out")
+    settings: dict[str, tuple[object, ...]] = {
+        "operator": ("--robot", "operator"),
+        "robot": (),
+        "visits": ("--people", 1),
+        "model": ("--robot", model),
+        "threshold": ("--threshold", 0.9),
+        "others": ("--robot", "operator", "--teacher", model),
+    }
+    for name, chosen in settings.items():
+        assert run("simulate", *chosen, *short, tmp_path / f"{name}.jsonl") == DONE
+    of = {name: read_trials(tmp_path / f"{name}.jsonl") for name in settings}
+    assert len(read_trials(tmp_path)) == 2 * len(settings)
+    assert {trial.trial_id.split("-")[1] for trial in of["operator"]} == {"operator"}
+    assert {trial.trial_id.split("-")[1] for trial in of["robot"]} == {"pomdp"}
+    people = {name: {trial.participant_id for trial in trials} for name, trials in of.items()}
+    assert people["operator"] == people["robot"] == people["model"]
+    assert people["visits"] < people["robot"]
+    assert people["others"].isdisjoint(people["operator"])
+
+
+def test_more_trials_begin_with_the_same_ones(tmp_path: Path) -> None:
+    for count in (2, 3):
+        quick = ("--robot", "operator", "--max-steps", 5, "--jobs", 1)
+        assert run("simulate", *quick, "--trials", count, "--out", tmp_path / f"{count}.jsonl") == DONE
+    two, three = ((tmp_path / f"{count}.jsonl").read_bytes() for count in (2, 3))
+    assert three.startswith(two)
+
+
+@pytest.mark.parametrize(
+    ("robot", "jobs", "expected"),
+    [("intuitive", 2, ["warm", "map"]), ("intuitive", 1, ["map"]), ("operator", 2, ["map"])],
+)
+def test_the_search_is_compiled_before_it_is_needed_in_several_processes(
+    robot: str, jobs: int, expected: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done: list[str] = []
+
+    def mapped(work: Any, items: Any, *_: Any) -> list[Any]:
+        done.append("map")
+        return [work(item) for item in items]
+
+    monkeypatch.setattr("taskcomm.commands.simulate.map_in_order", mapped)
+    monkeypatch.setattr("taskcomm.planner.EntropyPlanner.warm_up", lambda _: done.append("warm"))
+    size = ("--trials", 1, "--max-steps", 1, "--horizon", 1)
+    assert run("simulate", "--robot", robot, *size, "--jobs", jobs, "--out", tmp_path / "t.jsonl") == DONE
+    assert done == expected
 
 
 def test_every_result_has_a_record_of_settings_versions_and_hashes(log: Path, model: Path) -> None:
@@ -242,6 +294,22 @@ def test_validate_lists_problems_and_ends_with_bad_data(
     assert f"{broken}, line 4" in capsys.readouterr().out.replace(":4", ", line 4")
 
 
+def test_validate_of_what_is_no_log_is_short(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    foreign = tmp_path / "picture.jsonl"
+    foreign.write_bytes(bytes(range(256)) * 99 + b"\n")  # 100 lines
+    assert run("validate", foreign, log) == BAD_DATA
+    said = capsys.readouterr().out.splitlines()
+    assert len(said) == 22
+    assert said[20] == f"problem: {foreign}: and 80 more"
+    assert said[21].startswith("2 files, 6 trials, ")
+    assert said[21].endswith(" steps: 100 problems, 0 notices")
+    assert run("validate", foreign, "--json") == BAD_DATA
+    document = json.loads(capsys.readouterr().out)
+    assert (len(document["problems"]), document["counts"]) == (21, {"problems": 100, "notices": 0})
+
+
 def bad_log(kind: str, log: Path, folder: Path) -> Path:
     """A log with one thing wrong, at a path that is not ASCII."""
     lines = log.read_text(encoding="utf-8").splitlines()
@@ -313,6 +381,53 @@ def test_a_torn_last_line_is_named_and_the_rest_is_fitted(
     assert f"warning: {torn}" in capsys.readouterr().err
 
 
+def test_what_cannot_be_fitted_is_named_with_its_place(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    quick = tmp_path / "quick.jsonl"
+    quick.write_text(
+        log.read_text(encoding="utf-8").replace('"dt":0.5', '"dt":0.25').replace('"s0-', '"s1-'),
+        encoding="utf-8",
+    )
+    one, other = read_trials(log)[0].trial_id, read_trials(quick)[0].trial_id
+    for command in ("fit", "compare"):
+        capsys.readouterr()
+        assert run(command, log, quick, "--out", tmp_path / "out") == BAD_DATA
+        said = capsys.readouterr().err.splitlines()[-1]
+        assert said.startswith(f"error: two dt in one fit: 0.5 s in trial {one}, 0.25 s in trial {other} (")
+        assert said.endswith(f"(trial {one} is at {log}:1; trial {other} is at {quick}:1)")
+    assert left_in(tmp_path) == {"quick.jsonl"}
+
+
+def test_a_model_is_converted_to_the_step_of_the_logs_only_when_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    quick, log, out = tmp_path / "quick.json", tmp_path / "t.jsonl", tmp_path / "out"
+    TeacherModel.intuitive().with_dt(0.25).save(quick)
+    made = ("--teacher", quick, "--robot", "operator", "--trials", 4, "--people", 2, "--jobs", 1)
+    assert run("simulate", *made, "--out", log) == DONE
+    few = ("--closed-loop", 2, "--horizon", 1, "--max-steps", 9, "--decisions", 3, "--folds", 2, "--no-blind")
+    compared = ("compare", log, *few, "--starts", 1, "--jobs", 1, "--out", out / "results")
+    out.mkdir()
+    for command in (
+        ("fit", log, "--starts", 1, "--out", out / "m.json"),
+        compared,
+        (*compared, "--models", quick),
+    ):
+        before = left_in(out)
+        capsys.readouterr()
+        assert run(*command) == BAD_DATA
+        said = capsys.readouterr().err
+        assert "the model is for steps of 0.5 s, the trials have 0.25 s; --convert-dt converts it" in said
+        assert left_in(out) == before
+        assert run(*command, "--convert-dt") in (DONE, NOT_CONVERGED)
+        said = capsys.readouterr().err
+        assert said.count("converted from steps of 0.5 s to 0.25 s; this is approximate") == 1
+    for fitted in (TeacherModel.load(out / "m.json"), TeacherModel.load(out / "results" / "learned.json")):
+        assert fitted.dt == 0.25
+        assert fitted.provenance["initial_conversion"] == "from dt = 0.5 s to 0.25 s, approximate"
+
+
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
@@ -358,6 +473,7 @@ def test_a_model_with_another_cue_or_step_is_bad_data(
 def test_output_that_cannot_be_written_is_found_out_before_the_work(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+
     def work(*_: object) -> None:
         raise AssertionError("the work has begun")
 
@@ -370,7 +486,7 @@ def test_output_that_cannot_be_written_is_found_out_before_the_work(
         ("compare", log, "--out", tmp_path / "file"),
         ("compare", log, "--out", tmp_path / "file" / "below"),
         ("demo", "--data", log.parent, "--out", tmp_path / "file"),
-        ("simulate", "--out", nowhere),
+        ("simulate", "--out", nowhere.with_name("t.jsonl.gz")),
         ("fit", log, "--out", "."),
         ("fit", log, "--out", ""),
         ("compare", log, "--out", "/"),
@@ -379,6 +495,8 @@ def test_output_that_cannot_be_written_is_found_out_before_the_work(
         said = capsys.readouterr().err
         assert said.startswith("error: ")
         assert len(said.splitlines()) == 1
+        missing = f"cannot be written: there is no folder {nowhere.parent}; make it first"
+        assert (missing in said) == any("no such folder" in str(argument) for argument in arguments)
     assert left_in(tmp_path) == {"file"}
 
 
@@ -405,6 +523,7 @@ def test_usage_errors_end_with_two(log: Path, tmp_path: Path) -> None:
         ("fit", log, "--out", tmp_path / "m.json", "--initial", "nobody"),
         ("simulate", "--out", tmp_path / "t.jsonl", "--robot", "nobody"),
         ("replay", log, "--trial", "a", "--out", tmp_path / "figure.docx"),
+        ("simulate", "--trials", 1, "--out", tmp_path / "trials.csv"),
         ("frobnicate",),
     ):
         assert run(*arguments) == USAGE
@@ -422,6 +541,23 @@ def test_a_failure_of_the_work_leaves_no_half_written_file(
     assert run("fit", log, "--starts", 1, "--out", tmp_path / "m.json") == FAILED
     assert (tmp_path / "m.json").read_text(encoding="utf-8") == "as it was"
     assert left_in(tmp_path) == {"m.json"}
+
+
+def test_a_full_disk_is_a_failure_that_names_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(self: Path, content: bytes) -> int:
+        self.touch()
+        if content:
+            raise OSError(28, "No space left on device")
+        return 0
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    out = tmp_path / "t.jsonl"
+    made = ("--robot", "operator", "--trials", 1, "--max-steps", 3, "--jobs", 1)
+    assert run("simulate", *made, "--out", out) == FAILED
+    assert capsys.readouterr().err == f"error: {out}: cannot be written: No space left on device\n"
+    assert left_in(tmp_path) == set()
 
 
 def test_the_demo_on_other_data_begins_its_report_with_what_was_gained(

@@ -1,13 +1,13 @@
 """`taskcomm compare`: teacher models against each other, into a report."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from learn.compare import Comparison, compare_models
 from learn.held_out import LEARNED
 from learn.outcome_files import write_comparison
 from learn.report import span
-from taskcomm.commands.models import check_model, load_model, load_trials, model_files
+from taskcomm.commands.models import at_dt_of_trials, load_model, load_trials, model_files, naming
 from taskcomm.commands.output import result_directory, run_record, sha256_of, write_json
 from taskcomm.commands.terminal import Terminal
 from taskcomm.logs import log_files
@@ -20,6 +20,7 @@ def run(
     models: list[str] | None,
     closed_loop: int,
     teacher: list[str] | None,
+    convert_dt: bool,
     folds: int,
     decisions: int,
     blind: bool,
@@ -35,24 +36,30 @@ def run(
     """Compare, write the report, print a summary; 4 if the fit to all trials did not converge."""
     settings = {key: value for key, value in locals().items() if key not in ("json", "jobs", "logs")}
     terminal = Terminal(json)
-    named = arms_of(models or ["intuitive"])
+    named = models or ["intuitive"]
+    arms = arms_of(named)
     truths = [load_model(name, "--teacher") for name in teacher or ()]
     note = ", ".join(teacher) if teacher else f"the model learned from all of these logs, `{LEARNED}`"
     with result_directory(out) as part:
-        trials = load_trials(logs, terminal)
-        steps = {trial.dt for trial in trials}
-        for name, model in zip(
-            [*(models or ["intuitive"]), *(teacher or ())], [*named.values(), *truths], strict=True
-        ):
-            check_model(model, name, trials[0].world, steps)
-        files = [*log_files(logs), *model_files([*(models or ()), *(teacher or ())])]
+        trials, places = load_trials(logs, terminal)
+        world, steps = trials[0].world, {trial.dt for trial in trials}
+
+        def ready(models: Iterable[TeacherModel], names: Iterable[str]) -> list[TeacherModel]:
+            pairs = zip(models, names, strict=True)
+            return [at_dt_of_trials(one, name, world, steps, convert_dt, terminal) for one, name in pairs]
+
+        arms = dict(zip(arms, ready(arms.values(), named), strict=True))
+        truths = ready(truths, teacher or ())
+        start = arms.get("intuitive") or ready([TeacherModel.intuitive()], ["intuitive, the first start"])[0]
+        files = [*log_files(logs), *model_files([*named, *(teacher or ())])]
         record = run_record("compare", settings, files)
-        found = compare_models(
-            trials, named, truth=truths, blind=blind, folds=folds, decisions=decisions,
-            truth_note=note,
-            loop_trials=closed_loop, horizon=horizon, threshold=threshold, max_steps=max_steps, seed=seed,
-            jobs=jobs, fit_options={"delays": delays, "starts": starts}, stage=terminal.progress,
-        )  # fmt: skip
+        options = {"initial": start, "delays": delays, "starts": starts}
+        with naming(places):
+            found = compare_models(
+                trials, arms, truth=truths, truth_note=note, folds=folds, blind=blind, decisions=decisions,
+                loop_trials=closed_loop, horizon=horizon, threshold=threshold, max_steps=max_steps, seed=seed,
+                jobs=jobs, fit_options=options, stage=terminal.progress,
+            )  # fmt: skip
         written = write_comparison(found, trials, part, title="Comparison of teacher models")
         write_json(found.to_json(), part / "comparison.json")
         outputs = {path.name: sha256_of(path) for path in [*written, part / "comparison.json"]}
@@ -66,7 +73,7 @@ def run(
     return 0
 
 
-def arms_of(named: Sequence[str]) -> Mapping[str, TeacherModel]:
+def arms_of(named: Sequence[str]) -> dict[str, TeacherModel]:
     """The models by the names of their arms: 'intuitive', or the stem of the file, made distinct."""
     arms: dict[str, TeacherModel] = {}
     for name in named:

@@ -12,7 +12,7 @@ from learn.held_out import LEARNED
 from learn.outcome_files import write_comparison
 from learn.replay_figure import replay_figure
 from taskcomm.commands.compare import summarise
-from taskcomm.commands.models import load_trials
+from taskcomm.commands.models import load_trials, naming
 from taskcomm.commands.output import result_directory, run_record, sha256_of, write_json
 from taskcomm.commands.replay import replay_document
 from taskcomm.commands.terminal import Terminal
@@ -43,7 +43,7 @@ def run(out: Path, data: Path | None, trials: int, seed: int, jobs: int, json: b
     terminal = Terminal(json)
     folder = data if data is not None else study_folder()
     with result_directory(out) as part:
-        logged = load_trials([folder], terminal)
+        logged, places = load_trials([folder], terminal)
         logged_truths = known_teachers(folder)
         terminal.message(f"{folder}: {len(logged)} trials")
         record = run_record("demo", settings, log_files([folder]))
@@ -51,12 +51,13 @@ def run(out: Path, data: Path | None, trials: int, seed: int, jobs: int, json: b
         note = (
             "one new person each, drawn from the same spread as those of the logs, and met by no model before"
         )
-        found = compare_models(
-            logged, {"intuitive": TeacherModel.intuitive()}, truth=fresh if data is None else (),
-            truth_note=note if data is None else f"the model learned from all of these logs, `{LEARNED}`",
-            loop_trials=trials, decisions=200, seed=seed, jobs=jobs, fit_options={"starts": 3},
-            stage=terminal.progress,
-        )  # fmt: skip
+        with naming(places):
+            found = compare_models(
+                logged, {"intuitive": TeacherModel.intuitive()}, truth=fresh if data is None else (),
+                truth_note=note if data is None else f"the model learned from all of these logs, `{LEARNED}`",
+                loop_trials=trials, decisions=200, seed=seed, jobs=jobs, fit_options={"starts": 3},
+                stage=terminal.progress,
+            )  # fmt: skip
         outro = _mistake(part)
         intro = f"{INTRO} {gain_sentence(found)}"
         written = write_comparison(

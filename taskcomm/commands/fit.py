@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from learn import fit
-from taskcomm.commands.models import check_model, load_model, load_trials, model_files
+from taskcomm.commands.models import at_dt_of_trials, load_model, load_trials, model_files, naming
 from taskcomm.commands.output import result_file, run_record, write_record
 from taskcomm.commands.terminal import Terminal
 from taskcomm.logs import log_files
@@ -14,6 +14,7 @@ def run(
     logs: list[Path],
     out: Path,
     initial: str,
+    convert_dt: bool,
     delays: bool,
     starts: int,
     max_iter: int,
@@ -26,14 +27,15 @@ def run(
     terminal = Terminal(json)
     start = load_model(initial, "--initial")
     with result_file(out) as part:
-        trials = load_trials(logs, terminal)
+        trials, places = load_trials(logs, terminal)
         record = run_record("fit", settings, [*log_files(logs), *model_files([initial])])
         if task_unknown:
             trials = [replace(trial, task=None) for trial in trials]
         terminal.message(f"fitting {len(trials)} trials, {sum(int(t.presses.sum()) for t in trials)} presses")
         world = trials[0].world
-        check_model(start, initial, world, {trial.dt for trial in trials})
-        with terminal.progress("fitting", starts + 2) as progress:
+        steps = {trial.dt for trial in trials}
+        start = at_dt_of_trials(start, initial, world, steps, convert_dt, terminal)
+        with naming(places), terminal.progress("fitting", starts + 2) as progress:
             result = fit(
                 trials, world=world, initial=start, delays=delays, starts=starts, max_iter=max_iter,
                 seed=seed, progress=lambda done, _total: progress(done),

@@ -1,12 +1,13 @@
 """Teacher models and logs named on the command line."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import typer
 
 from taskcomm.commands.terminal import Terminal
-from taskcomm.logs import LogError, read_trials
+from taskcomm.logs import LogError, read_with_places
 from taskcomm.teacher import ModelError, TeacherModel
 from taskcomm.trials import Trial
 from taskcomm.world import World
@@ -21,21 +22,45 @@ def load_model(named: str, option: str) -> TeacherModel:
     return TeacherModel.load(named)
 
 
-def check_model(model: TeacherModel, named: str, world: World, steps: Collection[float]) -> None:
+def check_model(
+    model: TeacherModel, named: str, world: World, steps: Collection[float], way_out: str | None = None
+) -> None:
     """Raise ModelError, naming the model, for a cue that the world lacks or a dt other than the trials'.
 
     `steps` are the dt of the trials; where there are two, that is another error, and not raised here.
+    `way_out` is what converts the model, as the error should say it.
     """
     try:
         model.parameters(world.cue_names)
     except ModelError as error:
         raise ModelError(f"{named}: {error}") from None
-    for dt in steps if len(set(steps)) == 1 else ():
-        if abs(model.dt - dt) > 1e-9 * dt:
-            raise ModelError(
-                f"{named}: dt: the model is for steps of {model.dt:g} s, the trials have {dt:g} s;"
-                f" TeacherModel.with_dt({dt:g}) converts it, approximately"
-            )
+    dt = _other_dt(model, steps)
+    if dt is not None:
+        raise ModelError(
+            f"{named}: dt: the model is for steps of {model.dt:g} s, the trials have {dt:g} s;"
+            f" {way_out or f'TeacherModel.with_dt({dt:g})'} converts it, approximately"
+        )
+
+
+def at_dt_of_trials(
+    model: TeacherModel, named: str, world: World, steps: Collection[float], convert: bool, terminal: Terminal
+) -> TeacherModel:
+    """The model, as `check_model` wants it; with `convert`, one of another dt is converted, which is said."""
+    dt = _other_dt(model, steps)
+    if convert and dt is not None:
+        terminal.message(
+            f"warning: {named}: converted from steps of {model.dt:g} s to {dt:g} s; this is approximate, as"
+            " levels are sampled at the ends of steps"
+        )
+        model = model.with_dt(dt)
+    check_model(model, named, world, steps, "--convert-dt")
+    return model
+
+
+def _other_dt(model: TeacherModel, steps: Collection[float]) -> float | None:
+    """The one dt of the trials, where it is not the model's."""
+    dt = next(iter(steps))
+    return dt if len(set(steps)) == 1 and abs(model.dt - dt) > 1e-9 * dt else None
 
 
 def model_files(named: Sequence[str]) -> list[Path]:
@@ -43,15 +68,27 @@ def model_files(named: Sequence[str]) -> list[Path]:
     return [Path(name) for name in named if Path(name).is_file()]
 
 
-def load_trials(paths: Sequence[Path], terminal: Terminal) -> list[Trial]:
-    """The trials of the logs; those that broke off before the first step are named and left out.
+def load_trials(paths: Sequence[Path], terminal: Terminal) -> tuple[list[Trial], dict[str, str]]:
+    """The trials of the logs, and the place of each (file:line, by trial_id).
 
-    Raises LogError where none is left.
+    Those that broke off before the first step are named and left out. Raises LogError where none is left.
     """
-    trials = read_trials(paths)
+    trials, places = read_with_places(paths)
     bare = [trial.trial_id for trial in trials if not trial.num_steps]
     if len(bare) == len(trials):
         raise LogError(f"{', '.join(map(str, paths))}: no trial with a step")
     if bare:
         terminal.message(f"warning: left out, since they broke off before the first step: {', '.join(bare)}")
-    return [trial for trial in trials if trial.num_steps]
+    return [trial for trial in trials if trial.num_steps], places
+
+
+@contextmanager
+def naming(places: Mapping[str, str]) -> Iterator[None]:
+    """Within it, a FitError that speaks of trials also says where in the logs they are."""
+    from learn import FitError
+
+    try:
+        yield
+    except FitError as error:
+        found = "; ".join(f"trial {name} is at {places[name]}" for name in error.trial_ids if name in places)
+        raise FitError(f"{error} ({found})" if found else str(error), *error.trial_ids) from None

@@ -1,10 +1,13 @@
 """`taskcomm simulate`: trials with simulated teachers, into a log."""
 
+import hashlib
+import json as json_module
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import typer
 
 from taskcomm.commands.models import check_model, load_model, model_files
 from taskcomm.commands.output import result_file, run_record, write_record
@@ -17,18 +20,23 @@ from taskcomm.teacher import ModelError, TeacherModel
 from taskcomm.trials import Trial
 from taskcomm.world import BallWorld
 
+LOGS = (".jsonl", ".jsonl.gz")
+
 
 @dataclass
 class Simulation:
     """Trial n of a simulated study: its task, its draws and its person follow from the seed and n.
 
-    `robot` is a model for the planner, or None for the scripted operator.
+    `robot` is a model for the planner, or None for the scripted operator. There are `people` people,
+    taking turns, or a new one in every trial where that is None. A person is named by the seed and the
+    teacher model, and so is the same one in whatever way it is taught; a trial is named by the seed,
+    the condition, a hash of all that shapes it, and the person.
     """
 
     world: BallWorld
     teacher: TeacherModel
     robot: TeacherModel | None
-    people: int
+    people: int | None
     horizon: int
     threshold: float
     max_steps: int
@@ -50,20 +58,38 @@ class Simulation:
         planner = EntropyPlanner(self.world, self.robot, horizon=self.horizon)
         return Robot(self.world, self.robot, planner=planner, threshold=self.threshold)
 
+    def warm_up(self) -> None:
+        """Compile the search here, once, and not in every process; the operator needs none."""
+        if self.robot is not None:
+            from taskcomm.planner import EntropyPlanner
+
+            EntropyPlanner(self.world, self.robot).warm_up()
+
+    def _shape(self) -> str:
+        """The condition, and a hash of the settings that trials of one seed may differ in."""
+        settings: list[Any] = [self.world.num_balls, self.world.num_distances, self.teacher.sha256]
+        settings += [self.people, self.max_steps]
+        if self.robot is None:
+            return f"operator-{_hash_of(settings)}"
+        return f"pomdp-{_hash_of([*settings, self.robot.sha256, self.horizon, self.threshold])}"
+
     def __call__(self, index: int) -> Trial:
         tasks = self.world.tasks
         task = tasks[int(np.random.default_rng([self.seed, index, 1]).integers(len(tasks)))]
-        person, visit = index % self.people, index // self.people
-        width = len(str(self.people - 1))
+        visit, person = (0, index) if self.people is None else divmod(index, self.people)
         return run_trial(
             self._controller(),
             SimulatedTeacher(self.world, self.teacher, task),
             np.random.default_rng([self.seed, index, 2]),
             max_steps=self.max_steps,
-            trial_id=f"s{self.seed}-p{person:0{width}d}-{visit}",
-            participant_id=f"s{self.seed}-p{person:0{width}d}",
+            trial_id=f"s{self.seed}-{self._shape()}-p{person:03d}-{visit}",
+            participant_id=f"s{self.seed}-{self.teacher.sha256[:4]}-p{person:03d}",
             trial_index=visit,
         )
+
+
+def _hash_of(settings: list[Any]) -> str:
+    return hashlib.sha256(json_module.dumps(settings).encode()).hexdigest()[:6]
 
 
 def run(
@@ -84,6 +110,8 @@ def run(
     """Simulate, write the log and its record, print a summary."""
     settings = {key: value for key, value in locals().items() if key not in ("json", "jobs")}
     terminal = Terminal(json)
+    if not out.name.endswith(LOGS):
+        raise typer.BadParameter(f"{out.name}: must end in {' or '.join(LOGS)}", param_hint="--out")
     world = BallWorld(balls, distances)
     model = load_model(teacher, "--teacher")
     robot_model = None if robot == "operator" else load_model(robot, "--robot")
@@ -92,10 +120,12 @@ def run(
     check_model(model, teacher, world, {model.dt})
     if robot_model is not None:
         check_model(robot_model, robot, world, {robot_model.dt})
-    simulation = Simulation(world, model, robot_model, people or trials, horizon, threshold, max_steps, seed)
+    simulation = Simulation(world, model, robot_model, people, horizon, threshold, max_steps, seed)
     record = run_record("simulate", settings, model_files([teacher, robot]))
     record["models"] = {"teacher": model.sha256} | ({"robot": robot_model.sha256} if robot_model else {})
     with result_file(out) as part, terminal.progress("simulating", trials) as progress:
+        if jobs > 1:
+            simulation.warm_up()
         simulated = map_in_order(simulation, range(trials), jobs, progress)
         write_trials(simulated, part)
     write_record(record, out)
