@@ -18,12 +18,14 @@ _HOME = {
     "log_likelihood": "learn.estep",
     "log_likelihoods": "learn.estep",
     "responsibilities": "learn.estep",
+    "run_closed_loop": "learn.closed_loop",
     "trial_hash": "learn.exposure",
 }
 __all__ = [*sorted(_HOME)]
 
 if TYPE_CHECKING:
     from learn.closed_loop import ClosedLoop as ClosedLoop
+    from learn.closed_loop import run_closed_loop as run_closed_loop
     from learn.compare import Comparison as Comparison
     from learn.compare import compare_models as compare_models
     from learn.coordinates import Bounds as Bounds

@@ -163,7 +163,7 @@ def outcome_of(trial: Trial, model: TeacherModel) -> Outcome:
     )
 
 
-def closed_loop(
+def run_closed_loop(
     world: World,
     arms: Mapping[str, TeacherModel],
     truth: TeacherModel | Sequence[TeacherModel],

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from learn.calibration import Calibration, calibration
-from learn.closed_loop import ClosedLoop, closed_loop, outcome_of
+from learn.closed_loop import ClosedLoop, outcome_of, run_closed_loop
 from learn.decisions import Disagreement, disagreement
 from learn.exposure import trials_given
 from learn.held_out import BLIND, LEARNED, HeldOut, held_out
@@ -208,7 +208,7 @@ def _in_the_loop(
     if not count:
         return {"loop": None, "loop_calibration": {}, "truth": note, "truths": truths}
     with stage("closed loop", count) as progress:
-        loop = closed_loop(
+        loop = run_closed_loop(
             trials[0].world, robots, truths, count, horizon=horizon, seed=seed, jobs=jobs,
             threshold=threshold, max_steps=max_steps, progress=progress,
         )  # fmt: skip

@@ -8,7 +8,7 @@ import pytest
 from tinyworld import menu
 
 from learn.calibration import calibration
-from learn.closed_loop import ClosedLoop, Outcome, closed_loop, outcome_of
+from learn.closed_loop import ClosedLoop, Outcome, outcome_of, run_closed_loop
 from learn.decisions import disagreement
 from taskcomm.belief import Belief
 from taskcomm.planner import EntropyPlanner
@@ -30,7 +30,7 @@ def same(one: Outcome, two: Outcome) -> bool:
 
 
 def test_arms_with_one_model_have_one_luck_and_so_one_outcome() -> None:
-    loop = closed_loop(WORLD, {"a": EAGER, "b": EAGER}, LAZY, 6, horizon=2, jobs=1)
+    loop = run_closed_loop(WORLD, {"a": EAGER, "b": EAGER}, LAZY, 6, horizon=2, jobs=1)
     assert all(same(a, b) for a, b in zip(loop.outcomes["a"], loop.outcomes["b"], strict=True))
     assert len({outcome.steps for outcome in loop.outcomes["a"]}) > 1
     assert loop.time_ratio("a", "b").estimate == 1.0
@@ -39,10 +39,10 @@ def test_arms_with_one_model_have_one_luck_and_so_one_outcome() -> None:
 
 def test_outcomes_depend_on_the_seed_but_not_on_the_number_of_processes_or_of_trials() -> None:
     arms = {"lazy": LAZY, "eager": EAGER}
-    alone = closed_loop(WORLD, arms, EAGER, 5, horizon=2, seed=7, jobs=1)
-    shared = closed_loop(WORLD, arms, EAGER, 5, horizon=2, seed=7, jobs=2)
-    longer = closed_loop(WORLD, arms, EAGER, 8, horizon=2, seed=7, jobs=1)
-    other = closed_loop(WORLD, arms, EAGER, 5, horizon=2, seed=8, jobs=1)
+    alone = run_closed_loop(WORLD, arms, EAGER, 5, horizon=2, seed=7, jobs=1)
+    shared = run_closed_loop(WORLD, arms, EAGER, 5, horizon=2, seed=7, jobs=2)
+    longer = run_closed_loop(WORLD, arms, EAGER, 8, horizon=2, seed=7, jobs=1)
+    other = run_closed_loop(WORLD, arms, EAGER, 5, horizon=2, seed=8, jobs=1)
     for arm in arms:
         for n in range(5):
             assert same(alone.outcomes[arm][n], shared.outcomes[arm][n])
@@ -65,30 +65,30 @@ def test_an_outcome_says_what_its_trial_came_to() -> None:
 
 
 def test_a_trial_cut_short_is_a_timeout_not_correct_and_counted_at_its_length() -> None:
-    loop = closed_loop(WORLD, {"a": LAZY}, LAZY, 4, horizon=1, max_steps=3, jobs=1)
+    loop = run_closed_loop(WORLD, {"a": LAZY}, LAZY, 4, horizon=1, max_steps=3, jobs=1)
     assert loop.timeout("a").all()
     assert not loop.correct("a").any()
     assert (loop.time("a") == 1.5).all()
 
 
 def test_several_truths_take_turns_and_are_resampled_whole() -> None:
-    loop = closed_loop(WORLD, {"a": EAGER}, [EAGER, LAZY], 4, horizon=1, max_steps=20, jobs=1)
+    loop = run_closed_loop(WORLD, {"a": EAGER}, [EAGER, LAZY], 4, horizon=1, max_steps=20, jobs=1)
     assert loop.groups == (0, 1, 0, 1)
     assert loop.mean("a", "time").groups == 2
 
 
 def test_robots_of_the_ball_world_run_too() -> None:
     model = TeacherModel.intuitive()
-    loop = closed_loop(BallWorld(2, 2), {"a": model}, model, 2, horizon=3, max_steps=40, jobs=1)
+    loop = run_closed_loop(BallWorld(2, 2), {"a": model}, model, 2, horizon=3, max_steps=40, jobs=1)
     assert all(len(outcome.entropy) == outcome.steps + 1 for outcome in loop.outcomes["a"])
     assert (loop.presses("a") > 0).any()
 
 
 def test_what_cannot_run_is_refused() -> None:
     with pytest.raises(ValueError, match="0 arms, 1 truths, 3 trials"):
-        closed_loop(WORLD, {}, EAGER, 3)
+        run_closed_loop(WORLD, {}, EAGER, 3)
     with pytest.raises(ModelError, match=r"dt: the closed loop has models with 0\.25 s, 0\.5 s"):
-        closed_loop(WORLD, {"a": EAGER}, EAGER.with_dt(0.25), 3)
+        run_closed_loop(WORLD, {"a": EAGER}, EAGER.with_dt(0.25), 3)
 
 
 def outcome(steps: int, highest: list[float], right: list[bool], correct: bool = True) -> Outcome:
@@ -111,7 +111,7 @@ def test_calibration_takes_the_first_moment_past_the_threshold() -> None:
 
 
 def test_a_robot_with_the_true_model_is_calibrated() -> None:
-    loop = closed_loop(WORLD, {"true": EAGER}, EAGER, 80, horizon=1, jobs=1)
+    loop = run_closed_loop(WORLD, {"true": EAGER}, EAGER, 80, horizon=1, jobs=1)
     rows = calibration(loop.outcomes["true"]).rows
     said = sum(row["said"] * row["steps"] for row in rows)
     right = sum(row["right"] * row["steps"] for row in rows)
@@ -184,7 +184,7 @@ def test_the_search_is_compiled_before_it_is_needed_in_several_processes(
     for module in ("learn.closed_loop", "learn.decisions"):
         monkeypatch.setattr(f"{module}.map_in_order", mapped)
     monkeypatch.setattr(EntropyPlanner, "warm_up", lambda _: done.append("warm"))
-    closed_loop(WORLD, {"eager": EAGER}, EAGER, 1, horizon=1, jobs=jobs)
+    run_closed_loop(WORLD, {"eager": EAGER}, EAGER, 1, horizon=1, jobs=jobs)
     trial = run_trial(
         Robot(WORLD, EAGER, EntropyPlanner(WORLD, EAGER, horizon=1)),
         SimulatedTeacher(WORLD, EAGER, WORLD.tasks[0]),

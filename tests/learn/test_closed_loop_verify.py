@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from learn import fit
-from learn.closed_loop import ClosedLoop, closed_loop
+from learn.closed_loop import ClosedLoop, run_closed_loop
 from taskcomm.operators import ScriptedOperator
 from taskcomm.simulate import SimulatedTeacher, run_trial
 from taskcomm.teacher import TableTop, TeacherModel
@@ -44,7 +44,7 @@ def test_a_robot_with_the_learned_model_is_sooner_and_more_often_right() -> None
     trials = [operator_trial(number) for number in range(200)]
     result = fit(trials, world=WORLD, initial=TeacherModel.intuitive())
     arms = {"intuitive": TeacherModel.intuitive(), "learned": result.model, "true": TRUE}
-    loop = closed_loop(WORLD, arms, TRUE, 400, horizon=3, seed=0, jobs=2)
+    loop = run_closed_loop(WORLD, arms, TRUE, 400, horizon=3, seed=0, jobs=2)
     print(f"\n{told(loop)}")
     assert result.converged
     # The whole 95% intervals lie where they should, not the estimates alone.
