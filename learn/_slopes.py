@@ -3,14 +3,16 @@
 import math
 from typing import Any
 
-from numba import njit
+from taskcomm.compiling import kernel
 
 SMALL = 1e-200
 NEGLIGIBLE = 1e-14
 NEGLIGIBLE_REASON = 1e-12  # a reason less probable than this shall not bar the way of a level to 0
 
+_kernel = kernel(__name__, "the passes of the fit")
 
-@njit(cache=True, nogil=True)
+
+@_kernel
 def expected(
     lattice: Any, first: int, last: int, mistake: float, peak: Any, share: Any, memory: Any, press: Any,
     as_counts: bool, by_share: Any, answer: Any,
@@ -68,7 +70,7 @@ def expected(
     answer[1] = by_mistake
 
 
-@njit(cache=True, nogil=True)
+@_kernel
 def collapse(
     lattice: Any, first: int, last: int, peak: Any, share: Any, slope: Any, by_share: Any, rates: Any
 ) -> None:
@@ -88,7 +90,7 @@ def collapse(
         rates[3, m] += by_delay * peak[m]
 
 
-@njit(cache=True, nogil=True)
+@_kernel
 def informed(
     lattice: Any, share: Any, slope: Any, memory: Any, press: Any, steps: Any, presses: Any, reached: Any
 ) -> None:

@@ -8,12 +8,14 @@ plateau, or 0 while the teacher rests.
 import math
 from typing import Any
 
-from numba import njit
+from taskcomm.compiling import kernel
 
 SMALL = 1e-200
 
+_kernel = kernel(__name__, "the passes over a trial")
 
-@njit(cache=True, nogil=True)
+
+@_kernel
 def trace(
     lattice: Any, first: int, last: int, dt: float, rise: Any, fall: Any, late: Any, part: Any, decay: Any,
     hold: Any, share: Any, slope: Any,
@@ -69,7 +71,7 @@ def trace(
             slope[2, at + i] = by_delay * factor + level * factor_by_delay
 
 
-@njit(cache=True, nogil=True)
+@_kernel
 def forward(
     lattice: Any, first: int, last: int, mistake: float, peak: Any, share: Any, quiet: Any, entered: Any,
     left: Any, total: Any, log_likelihood: Any,
@@ -132,7 +134,7 @@ def forward(
         log_likelihood[u] = answer
 
 
-@njit(cache=True, nogil=True)
+@_kernel
 def backward(
     lattice: Any, first: int, last: int, mistake: float, peak: Any, share: Any, quiet: Any, entered: Any,
     left: Any, total: Any, unit_weight: Any, ahead: Any, memory: Any, flow: Any,

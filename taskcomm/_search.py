@@ -44,7 +44,9 @@ START, STOP, STEPS, SINCE, AT, PHASE, SILENT_START, PRESS_STOP = range(8)  # col
 ROUNDING = 1e-13  # relative difference of weights that are equal but for rounding
 ENTER, AFTER_SILENT, AFTER_PRESS = range(3)  # phases
 
-_kernel = kernel(__name__, "the planner's search")
+_PART = "the planner's search"
+_kernel = kernel(__name__, _PART, error_model="numpy")
+_inlined = kernel(__name__, _PART, error_model="numpy", inline="always")  # called too often for a call
 
 
 @_kernel
@@ -63,7 +65,7 @@ def _divergence(p, q):
     return _xlogx(p) + _xlogx(1.0 - p) - p * np.log(q) - (1.0 - p) * np.log(1.0 - q)
 
 
-@_kernel
+@_inlined
 def _seen(pattern, past, trail, depth, task):
     """The pattern shown at `depth` of the path; at most 0: before the search."""
     if depth >= 1:
@@ -107,7 +109,7 @@ def _look_ahead(top, pattern, past, trail, task, row, ahead, depth, start, stop,
                     ahead[r, m, shown, 2] = 0.0
 
 
-@_kernel
+@_inlined
 def _branches(weight, own, pressed, group, g, at):
     """Mass and `own` of one task's press branch, and `own` of the rest, into group[g, at : at + 3].
 
@@ -124,7 +126,7 @@ def _branches(weight, own, pressed, group, g, at):
         group[g, at + 2] = (1.0 - share) * own + weight * group[-1, 2]
 
 
-@_kernel
+@_inlined
 def _pressed(mu, row, ahead, begin, end, shown):
     """Weight of the press branch of the rows [begin, end) of one task, if the step shows `shown`."""
     total = 0.0

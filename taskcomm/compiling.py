@@ -30,12 +30,12 @@ _announcer = _Announcer()
 event.register("numba:compile", _announcer)  # type: ignore[no-untyped-call]
 
 
-def kernel(module: str, part: str) -> Callable[[Any], Any]:
+def kernel(module: str, part: str, **options: Any) -> Callable[[Any], Any]:
     """The decorator for the kernels of `module`, which make up `part` of the package.
 
     Compiled on first use, cached on disk where that can be written (elsewhere compiled in every
-    process), without the interpreter's lock. Division by zero gives inf or nan, as in numpy.
+    process), without the interpreter's lock. `options` are further ones of numba's.
     """
     _announcer.parts[module] = part
-    decorator: Callable[[Any], Any] = njit(cache=True, nogil=True, error_model="numpy")
+    decorator: Callable[[Any], Any] = njit(cache=True, nogil=True, **options)
     return decorator
