@@ -8,10 +8,10 @@ READY := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint types layers check verify bench bench-planner clean
+.PHONY: help setup demo test lint types layers check verify bench bench-planner bench-planner-peers clean
 
 help:  ## what can be made
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):[^#]*## */\1\t/' | expand -t 15
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):[^#]*## */\1\t/' | expand -t 21
 
 setup: $(READY)  ## .venv with everything in it
 
@@ -51,6 +51,9 @@ bench: $(READY)  ## timings, each a ratio between two ways
 
 bench-planner: $(READY)  ## the search against a plain compiled tree, by horizon and balls; FULL=1 for all decisions
 	PYTHONPATH=tests $(BIN)/python -m benchmarks.planner $(if $(FULL),--full)
+
+bench-planner-peers: $(READY)  ## pymdp and pomdp-py, in environments of their own, on what they can express
+	PYTHONPATH=tests $(BIN)/python -m benchmarks.planner.peers
 
 clean:  ## remove .venv and everything made
 	rm -rf $(VENV) demo-results build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis \
