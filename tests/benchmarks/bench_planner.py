@@ -30,7 +30,7 @@ def seconds(call: Callable[[], Any]) -> float:
 
 
 @pytest.mark.parametrize("horizon", [1, 2, 3])
-def test_search_against_whole_tree(benchmark: Any, horizon: int) -> None:
+def bench_search_against_whole_tree(benchmark: Any, horizon: int) -> None:
     belief, state = midway()
     planner = EntropyPlanner(belief.world, belief.model, horizon)
     planner.plan(belief, state)
@@ -43,7 +43,7 @@ def test_search_against_whole_tree(benchmark: Any, horizon: int) -> None:
 
 
 @pytest.mark.parametrize("horizon", [3, 4, 5])
-def test_bounds_against_exact_values_of_all_actions(benchmark: Any, horizon: int) -> None:
+def bench_bounds_against_exact_values_of_all_actions(benchmark: Any, horizon: int) -> None:
     belief, state = midway()
     planner = EntropyPlanner(belief.world, belief.model, horizon)
     every = planner.plan(belief, state, exact_values=True)

@@ -9,14 +9,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from benchmarks.planner.measure import Limits, Row, measured
+from benchmarks.planner import deadlines
+from benchmarks.planner.measure import Limits, measured
 from benchmarks.planner.situations import Situations, learned, of_balls, study
 from plaintree import PlainTree
 
 from taskcomm.belief import Belief
 from taskcomm.planner import EntropyPlanner
 
-QUICK = Limits(search=10, plain=30, plain_decisions=100, decision=20)
+QUICK = Limits(search=8, plain=20, plain_decisions=100, decision=20)
 FULL = Limits(search=1800, plain=600, plain_decisions=1000, decision=120)
 PLAIN_TO = {3: 5, 4: 4, 6: 4, 10: 3}  # balls: the furthest horizon at which the plain tree takes seconds
 COLUMNS = (
@@ -42,16 +43,8 @@ closed-form leaves; no bounds, no merging), on the same decisions in the same pr
 """
 
 
-def rows(wanted: list[str], limits: Limits) -> Iterator[Row]:
-    """Every row asked for, as it is measured."""
-    for situations, horizons in _cases(wanted):
-        _compile(situations)
-        for horizon in horizons:
-            plain = horizon <= PLAIN_TO[situations.world.num_balls]
-            yield measured(situations, horizon, plain, limits)
-
-
-def _cases(wanted: list[str]) -> Iterator[tuple[Situations, range]]:
+def cases(wanted: list[str]) -> Iterator[tuple[Situations, range]]:
+    """The decisions asked for, and the horizons to look at them with."""
     if "study" in wanted:
         yield study(), range(3, 9)
     if "learned" in wanted:
@@ -68,8 +61,8 @@ def _compile(situations: Situations) -> None:
     PlainTree(world, model, 1).values(Belief.initial(world, model), world.start())
 
 
-def line(cells: list[str]) -> str:
-    return "  ".join(cell.rjust(width) for cell, (_, width) in zip(cells, COLUMNS, strict=True))
+def line(cells: list[str], columns: tuple[tuple[str, int], ...] = COLUMNS) -> str:
+    return "  ".join(cell.rjust(width) for cell, (_, width) in zip(cells, columns, strict=True))
 
 
 def cells(figures: dict[str, Any]) -> list[str]:
@@ -95,6 +88,14 @@ def _share(share: float | None, stopped: int) -> str:
     return f"{share:.2%}" if share < 0.1 else f"{share:.1%}" if share < 1 else f"{share:.0%}"
 
 
+def _write(path: Path, figures: list[dict[str, Any]]) -> None:
+    path.with_suffix(".json").write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+    with path.with_suffix(".csv").open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(figures[0]))
+        writer.writeheader()
+        writer.writerows(figures)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(prog="make bench-planner", description=__doc__)
     parser.add_argument("--full", action="store_true", help="all decisions, or half an hour a row")
@@ -103,18 +104,25 @@ def main() -> int:
     chosen = parser.parse_args()
     limits = FULL if chosen.full else QUICK
     print(LEGEND.format(**asdict(limits)))
+    chosen.out.mkdir(parents=True, exist_ok=True)
+    found = list(cases(chosen.rows.split(",")))
     print(line([name for name, _ in COLUMNS]), flush=True)
     figures = []
-    for row in rows(chosen.rows.split(","), limits):
-        figures.append(row.summary())
-        print(line(cells(figures[-1])) + (f"  {row.trouble}" if row.trouble else ""), flush=True)
-    chosen.out.mkdir(parents=True, exist_ok=True)
-    (chosen.out / "rows.json").write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
-    with (chosen.out / "rows.csv").open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, list(figures[0]))
-        writer.writeheader()
-        writer.writerows(figures)
-    print(f"\nin {chosen.out}: rows.json, rows.csv")
+    for situations, horizons in found:
+        _compile(situations)
+        for horizon in horizons:
+            plain = horizon <= PLAIN_TO[situations.world.num_balls]
+            figures.append(measured(situations, horizon, plain, limits).summary())
+            print(line(cells(figures[-1])) + f"  {figures[-1]['trouble']}", flush=True)
+    _write(chosen.out / "rows", figures)
+    print(deadlines.LEGEND)
+    print(line([name for name, _ in deadlines.COLUMNS], deadlines.COLUMNS), flush=True)
+    reached = []
+    for situations, _ in found:
+        reached.append(deadlines.reached(situations, 2 * limits.search))
+        print(line(deadlines.cells(reached[-1]), deadlines.COLUMNS), flush=True)
+    _write(chosen.out / "deadlines", reached)
+    print(f"\nin {chosen.out}: rows and deadlines, .json and .csv")
     return 1 if any(row["trouble"] for row in figures) else 0
 
 

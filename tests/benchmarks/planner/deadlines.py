@@ -1,0 +1,67 @@
+"""How far the planner looks by a deadline, and how late it is."""
+
+import time
+from typing import Any
+
+import numpy as np
+from benchmarks.planner.measure import SEED
+from benchmarks.planner.situations import Situations
+
+from taskcomm.belief import Belief
+from taskcomm.planner import EntropyPlanner
+
+DEADLINE = 0.4
+FURTHEST = 10
+LEGEND = f"""
+With a deadline of {DEADLINE:g} s, {FURTHEST} steps at most: the horizon at which the action is proven to
+be the best, and wall time beyond the deadline as a share of the step (a busy machine shows here).
+"""
+COLUMNS = (
+    ("decisions of", 12), ("balls", 5), ("tasks", 5), ("decided", 11), ("horizon: least", 14),
+    ("median", 7), ("most", 7), ("late: median", 12), ("p99", 7), ("max", 7), ("in time", 7),
+)  # fmt: skip
+
+
+def reached(situations: Situations, seconds: float) -> dict[str, Any]:
+    """Horizons and lateness over decisions drawn with a fixed seed, until `seconds` are spent."""
+    world, model, found = situations.world, situations.model, situations.found
+    planner = EntropyPlanner(world, model, FURTHEST)
+    knows = Belief.initial(world, model, [1.0] + [0.0] * (len(world.tasks) - 1))
+    horizons, late, began = [], [], time.perf_counter()
+    for index in np.random.default_rng(SEED).permutation(len(found)):
+        if time.perf_counter() - began > seconds:
+            break
+        situation = found[index]
+        planner.plan(knows, situation.before, deadline=DEADLINE)  # the world near it is known, as on the way
+        started = time.perf_counter()
+        decision = planner.plan(situation.belief, situation.state, deadline=DEADLINE)
+        late.append((time.perf_counter() - started - DEADLINE) / model.dt)
+        horizons.append(decision.horizon)
+    return {
+        "name": situations.name,
+        "num_balls": world.num_balls,
+        "tasks": len(world.tasks),
+        "of": len(found),
+        "decisions": len(horizons),
+        "horizon_least": min(horizons),
+        "horizon_median": float(np.median(horizons)),
+        "horizon_most": max(horizons),
+        "late_median": float(np.median(late)),
+        "late_p99": float(np.quantile(late, 0.99, method="higher")),
+        "late_max": max(late),
+        "within_step": float(np.mean([DEADLINE + share * model.dt <= model.dt for share in late])),
+    }
+
+
+def cells(row: dict[str, Any]) -> list[str]:
+    return [
+        row["name"],
+        *(str(row[key]) for key in ("num_balls", "tasks")),
+        f"{row['decisions']}/{row['of']}",
+        *(f"{row[key]:g}" for key in ("horizon_least", "horizon_median", "horizon_most")),
+        *(
+            "in time" if row[key] <= 0 else f"{row[key]:.2%}"
+            for key in ("late_median", "late_p99", "late_max")
+        ),
+        f"{row['within_step']:.1%}",
+    ]
