@@ -7,12 +7,12 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from learn.without_jit import without_jit
 from taskcomm.trials import Trial
 
 Floats = NDArray[np.float64]
@@ -139,15 +139,10 @@ def _numbers(model: Any) -> Numbers:
 @cache
 def _pomegranate() -> tuple[Any, Any, Any]:
     """torch, DenseHMM, and the emission of a press. Loading takes seconds, fewer without the JIT."""
-    config: Any = import_module("numba").config
-    compiling = config.DISABLE_JIT
-    config.DISABLE_JIT = True
-    try:
+    with without_jit():
         import torch
         from pomegranate.distributions._distribution import Distribution
         from pomegranate.hmm import DenseHMM
-    finally:
-        config.DISABLE_JIT = compiling
 
     class PressRate(Distribution):  # type: ignore[misc]
         """P(press) of one hidden state; steps past a trial's end have probability 1 and no weight."""

@@ -8,7 +8,6 @@ differentiation: a check of them, and a part for models built with pomegranate.
 
 from collections.abc import Sequence
 from functools import cache
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from learn.ascent import ascend, climb_from
 from learn.coordinates import Bounds, Coordinates, model_at, vector_of
 from learn.estep import Evidence
 from learn.exposure import expose
+from learn.without_jit import without_jit
 from taskcomm.lattice import Floats
 from taskcomm.teacher import TeacherModel
 from taskcomm.trials import Trial
@@ -84,14 +84,9 @@ def table_top_transition(model: TeacherModel, *, delays: bool = False, steps: in
 @cache
 def _classes() -> Any:
     """The class itself, made when torch is first needed. Loading takes seconds, fewer without the JIT."""
-    config: Any = import_module("numba").config
-    compiling = config.DISABLE_JIT
-    config.DISABLE_JIT = True
-    try:
+    with without_jit():
         import torch
         from pomegranate.distributions._distribution import ConditionalDistribution
-    finally:
-        config.DISABLE_JIT = compiling
 
     class TableTopTransition(ConditionalDistribution):  # type: ignore[misc]
         def __init__(self, model: TeacherModel, delays: bool, steps: int) -> None:

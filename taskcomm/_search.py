@@ -40,7 +40,7 @@ PEAK, UP, DOWN, FIRST_UP, FIRST_DOWN, FIRST, LAST, LATE, DECAY, HOLD = range(10)
 MASS, HIGHEST, OTHERS, BEST, INFORMATION, CAPACITY, REACHED = range(7)  # columns of gain
 SILENT, PRESS, PRESSED, BOUND = range(4)  # rows of table[depth], by action
 COST, CUTOFF, SLACK, LEAST, ROOM, LEAST_PRESS, VALUE = range(7)  # columns of real
-START, STOP, STEPS, SINCE, AT, PHASE, SILENT_START, PRESS_STOP = range(8)  # columns of whole
+START, STOP, STEPS, SINCE, AT, PHASE, PRESS_STOP = range(7)  # columns of whole
 ROUNDING = 1e-13  # relative difference of weights that are equal but for rounding
 ENTER, AFTER_SILENT, AFTER_PRESS = range(3)  # phases
 

@@ -69,7 +69,7 @@ class Search:
             np.zeros(len(past) + horizon, dtype=np.int64),
             np.zeros((horizon, horizon, 7)),
             np.zeros((horizon, 7)),
-            np.zeros((horizon, 8), dtype=np.int64),
+            np.zeros((horizon, 7), dtype=np.int64),
             *(rows, horizon, belief.since_press, belief.entropy(), slack, gamma),
         )
         count = int(graph.count[root])
