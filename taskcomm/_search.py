@@ -25,6 +25,8 @@ summed where tasks merge, and a branch that takes the share s of the weight has 
 
 Layout. `row[r]` is (weight, own, levels, on-times) and `task[r]` its task; rows of one task are
 adjacent, and the first of them has the task's `own`.
+`reach`, `climb` and `run` of a node and a number of steps are the rows `slot[node, steps]` of
+their arrays (see `WorldGraph`).
 `top[m]` holds the table-top of approval m by the columns below. `trail[d]` is the world node at
 depth d, `past` the patterns shown before depth 0 and at it, newest last. Frames of the search
 (one per depth) are the rows of `real` and `whole`. All kernels are in this one file since the compiler's
@@ -277,7 +279,7 @@ def _merge(run, pattern, past, trail, task, row, depth, start, stop):
 
 
 @_kernel
-def _highest(top, mu, row, r, show, climb, steps, gain):
+def _highest(top, mu, row, r, show, climb, slot, task, steps, gain):
     """The highest P(press) of a row 1 to `steps` steps on, into gain[:, REACHED].
 
     The lesser of two bounds: each level as if its cue were on wherever it may be (`show`, the
@@ -303,7 +305,7 @@ def _highest(top, mu, row, r, show, climb, steps, gain):
             level = min(1.0, level + up) if on else max(0.0, level - down)
             gain[k, REACHED] += peak * level
     for k in range(steps):
-        gain[k, REACHED] = min(gain[k, REACHED], now + late + climb[k + 1])
+        gain[k, REACHED] = min(gain[k, REACHED], now + late + climb[slot[k + 1], task])
 
 
 @_kernel
@@ -331,7 +333,9 @@ def _best_task(task, row, start, stop):
 
 
 @_kernel
-def _gains(top, mu, pattern, past, trail, reach, climb, task, row, depth, start, stop, steps, show, gain):
+def _gains(
+    top, mu, pattern, past, trail, slot, reach, climb, task, row, depth, start, stop, steps, show, gain,
+):  # fmt: skip
     """The most that each of the next `steps` steps can tell, in nats, for the rows [start, stop).
 
     gain[:, INFORMATION] is for these rows, gain[:, CAPACITY] for a unit of any mass among them.
@@ -353,8 +357,8 @@ def _gains(top, mu, pattern, past, trail, reach, climb, task, row, depth, start,
                 for k in range(before):
                     show[k] = _seen(pattern, past, trail, depth + 1 + k - before, task[r])
                 for k in range(steps):
-                    show[before + k] = reach[node, k + 1, task[r]]
-            _highest(top, mu, row, r, show, climb[node, :, task[r]], steps, gain)
+                    show[before + k] = reach[slot[node, k + 1], task[r]]
+            _highest(top, mu, row, r, show, climb, slot[node], task[r], steps, gain)
             for k in range(steps):
                 above = gain[k, REACHED] - mu
                 gain[k, MASS] += row[r, WEIGHT] * above
@@ -412,7 +416,7 @@ def _push(real, whole, depth, start, stop, steps, since, cost, cutoff):
 
 @_kernel
 def search(
-    top, mu, rest_steps, first, count, successor, pattern, reach, climb, run, past,
+    top, mu, rest_steps, first, count, successor, pattern, slot, reach, climb, run, past,
     task, row, ahead, trail, table, exact, order, group, show, gain, real, whole,
     rows, steps, since, cost, slack, gamma, resume, budget,
 ):  # fmt: skip
@@ -439,12 +443,12 @@ def search(
         if whole[depth, PHASE] == ENTER:
             if nodes >= budget:
                 return nodes, depth
-            stop = _merge(run[node, steps], pattern, past, trail, task, row, depth, start, stop)
+            stop = _merge(run[slot[node, steps]], pattern, past, trail, task, row, depth, start, stop)
             whole[depth, STOP] = stop
             if steps > 1:
                 _gains(
-                    top, mu, pattern, past, trail, reach, climb, task, row, depth, start, stop, steps, show,
-                    gain[depth],
+                    top, mu, pattern, past, trail, slot, reach, climb, task, row, depth, start, stop, steps,
+                    show, gain[depth],
                 )  # fmt: skip
                 value = _least_future(gain[depth], INFORMATION, 1.0, 0, steps, real[depth, COST], gamma)
                 if value >= real[depth, CUTOFF]:

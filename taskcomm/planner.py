@@ -18,6 +18,7 @@ from taskcomm.worldgraph import WorldGraph
 
 TIE = 1e-9
 _SLACK = 2 * TIE
+GRAPH_MEMORY = 512 << 20  # bytes that a planner's graph of the world may take
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,7 @@ class EntropyPlanner:
         self._random = np.random.default_rng(seed)
         parameters = model.parameters(world.cue_names)
         worth = parameters.peak * parameters.dt / parameters.rise
-        self._graph = WorldGraph(world, parameters.cue, worth, horizon)
+        self._graph = WorldGraph(world, parameters.cue, worth, horizon, GRAPH_MEMORY)
         self._capacity = 1 << 14
 
     def reset(self, rng: np.random.Generator | None = None) -> None:

@@ -56,7 +56,7 @@ class Search:
             p.mistake,
             p.rest_steps,
             *(graph.first, graph.count, graph.successor, graph.pattern),
-            *(graph.reach, graph.climb, graph.run),
+            *(graph.slot, graph.reach, graph.climb, graph.run),
             past,
             task,
             row,

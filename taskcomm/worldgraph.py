@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from taskcomm.world import World
 
 MAX_CUES = 16
+MAX_TASKS = 1 << 16
 
 
 class WorldGraph:
@@ -18,35 +19,47 @@ class WorldGraph:
 
     Node n is `states[n]`, with actions `actions[n]` (canonical order) leading to the nodes
     `successor[first[n] : first[n] + count[n]]` once it is expanded (`count[n]` > 0).
-    `pattern[n, task]` has bit m set where the cue of approval m is on; `reach[n, d, task]` has it
-    set where the cue is on in some state that 1 to d steps from n lead to; `climb[n, d, task]` is the most
-    that d steps on one path from n can collect where each state pays `worth[m]` for each cue that
-    is on; `run[n, d, task]` numbers runs of adjacent tasks that no path of d steps from n can tell apart
-    (all filled up to `depth[n]`). `cue` (M,) are the rows of `world.cues(state)` that the teacher
-    model uses.
+    `pattern[n, task]` has bit m set where the cue of approval m is on. What 1 to d steps from n can show is
+    filled for d <= `depth[n]`, and stands in the row `slot[n, d]` of three arrays; row 0, of zeros, is for
+    d = 0 and for what is not filled:
+    `reach[row, task]` has bit m set where the cue is on in some state that 1 to d steps from n lead to;
+    `climb[row, task]` is the most that d steps on one path from n can collect where each state pays
+    `worth[m]` for each cue that is on; `run[row, task]` numbers runs of adjacent tasks that no path of d
+    steps from n can tell apart. `cue` (M,) are the rows of `world.cues(state)` that the teacher model uses.
+    The arrays are reserved at once for `memory` bytes in all, which the system commits as they are filled.
     """
 
     def __init__(
-        self, world: World, cue: NDArray[np.int64], worth: NDArray[np.float64], horizon: int
+        self,
+        world: World,
+        cue: NDArray[np.int64],
+        worth: NDArray[np.float64],
+        horizon: int,
+        memory: int = 512 << 20,
     ) -> None:
+        tasks = len(world.tasks)
         if len(cue) > MAX_CUES:
             raise ValueError(f"at most {MAX_CUES} approval states, not {len(cue)}")
+        if tasks > MAX_TASKS:
+            raise ValueError(f"at most {MAX_TASKS} tasks, not {tasks}")
         self.world, self.cue, self.worth, self.horizon = world, cue, worth, horizon
         self.states: list[Any] = []
         self.actions: list[tuple[Any, ...]] = []
         self._index: dict[Hashable, int] = {}
         self._bits = (1 << np.arange(len(cue))).astype(np.uint16)[:, None]
-        tasks = len(world.tasks)
-        self.first = np.zeros(256, dtype=np.int64)
-        self.count = np.zeros(256, dtype=np.int64)
-        self.depth = np.zeros(256, dtype=np.int64)
-        self.pattern = np.zeros((256, tasks), dtype=np.uint16)
-        self.pay = np.zeros((256, tasks))
-        self.reach = np.zeros((256, horizon + 1, tasks), dtype=np.uint16)
-        self.climb = np.zeros((256, horizon + 1, tasks))
-        self.run = np.zeros((256, horizon + 1, tasks), dtype=np.int32)
-        self.successor = np.zeros(1024, dtype=np.int64)
-        self._used = 0
+        nodes = memory // 2 // (10 * tasks + 4 * (horizon + 1) + 1000)
+        rows = memory // 2 // (12 * tasks)
+        self.first = np.zeros(nodes, dtype=np.int64)
+        self.count = np.zeros(nodes, dtype=np.int64)
+        self.depth = np.zeros(nodes, dtype=np.int64)
+        self.pattern = np.zeros((nodes, tasks), dtype=np.uint16)
+        self.pay = np.zeros((nodes, tasks))
+        self.slot = np.zeros((nodes, horizon + 1), dtype=np.int32)
+        self.reach = np.zeros((rows, tasks), dtype=np.uint16)
+        self.climb = np.zeros((rows, tasks))
+        self.run = np.zeros((rows, tasks), dtype=np.uint16)
+        self.successor = np.zeros(32 * nodes, dtype=np.int32)
+        self._used, self._rows = 0, 1
 
     def node(self, state: Hashable) -> int:
         """The number of a state, new ones being added."""
@@ -55,8 +68,7 @@ class WorldGraph:
             return index
         index = len(self.states)
         if index == len(self.first):
-            for name in ("first", "count", "depth", "pattern", "pay", "reach", "climb", "run"):
-                setattr(self, name, _doubled(getattr(self, name)))
+            raise MemoryError(f"the graph of {self.world} is full: {index} states")
         self.states.append(state)
         self.actions.append(())
         self._index[state] = index
@@ -74,8 +86,6 @@ class WorldGraph:
         if not actions:
             raise ValueError(f"no action is valid in {state}; a World must always offer one")
         successors = [self.node(self.world.step(state, action)) for action in actions]
-        while self._used + len(actions) > len(self.successor):
-            self.successor = _doubled(self.successor)
         self.successor[self._used : self._used + len(actions)] = successors
         self.first[node], self.count[node] = self._used, len(actions)
         self.actions[node] = actions
@@ -112,19 +122,17 @@ class WorldGraph:
     def _fill(self, node: int, steps: int) -> None:
         """What `steps` steps from a node can show, from what one step less can show from its successors."""
         after = self._after(node)
+        row, before = self._rows, self.slot[after, steps - 1]
+        if row == len(self.reach):
+            raise MemoryError(f"the graph of {self.world} is full: {row} rows")
         shown = self.pattern[after]
-        self.reach[node, steps] = np.bitwise_or.reduce(shown | self.reach[after, steps - 1], axis=0)
-        self.climb[node, steps] = (self.pay[after] + self.climb[after, steps - 1]).max(axis=0)
-        differ = np.diff(shown, axis=1) != 0
-        if steps > 1:
-            differ |= np.diff(self.run[after, steps - 1], axis=1) != 0
-        self.run[node, steps, 1:] = np.cumsum(differ.any(axis=0))
-        self.depth[node] = steps
+        self.reach[row] = np.bitwise_or.reduce(shown | self.reach[before], axis=0)
+        self.climb[row] = (self.pay[after] + self.climb[before]).max(axis=0)
+        differ = (np.diff(shown, axis=1) != 0) | (np.diff(self.run[before], axis=1) != 0)
+        self.run[row, 1:] = np.cumsum(differ.any(axis=0))
+        self.slot[node, steps], self.depth[node] = row, steps
+        self._rows += 1
 
     def _after(self, node: int) -> list[int]:
         first = self.first[node]
         return self.successor[first : first + self.count[node]].tolist()  # type: ignore[no-any-return]
-
-
-def _doubled(array: NDArray[Any]) -> NDArray[Any]:
-    return np.concatenate([array, np.zeros_like(array)])
