@@ -1,6 +1,7 @@
 """The robot: exact belief, planner, the rule that stops a trial, and the walk to the goal."""
 
-from collections.abc import Hashable
+import inspect
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -11,6 +12,8 @@ from taskcomm.belief import Belief
 from taskcomm.routes import route
 from taskcomm.teacher import TeacherModel
 from taskcomm.world import World, is_goal
+
+FAR = 10  # steps that a robot with a deadline looks ahead if time allows
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +46,8 @@ class Controller(Protocol):
 class Planner(Protocol):
     """Anything that chooses an action from a belief and a world state: `plan(...).action`.
 
-    A planner that draws random numbers may have `reset(rng)`, called at the start of a trial.
+    A planner that draws random numbers may have `reset(rng)`, called at the start of a trial. One for
+    robots with a deadline takes it by name: `plan(belief, state, deadline=0.4)`.
     """
 
     def plan(self, belief: Belief, state: Any, /) -> Any: ...
@@ -57,9 +61,14 @@ class Robot:
     action (EntropyPlanner at horizon 5 unless another is given). A belief that falls back, or
     moves to another task, changes the robot's course. `prior` is over `world.tasks`.
 
+    With a `deadline` (s for one decision) the planner looks as far ahead as it gets by then, at most its
+    own horizon, which is 10 unless a planner is given. The same trial may then go another way on another
+    machine, or a busier one: `decision.horizon` says how far each decision looked.
+
     `belief`, `state` and `decision` (the planner's last; None where it was not asked) are there
-    to look at. Raises ValueError for a threshold outside (0, 1), a prior that is none, or a
-    planner made for another world or model, or calls out of turn; NoRoute where a goal cannot be reached.
+    to look at. Raises ValueError for a threshold outside (0, 1), a prior that is none, a planner made for
+    another world or model, a deadline that is not positive or that the planner knows nothing of, or
+    calls out of turn; NoRoute where a goal cannot be reached.
 
     >>> from taskcomm.world import BallWorld
     >>> world = BallWorld()
@@ -79,13 +88,15 @@ class Robot:
         planner: Planner | None = None,
         threshold: float = 0.98,
         prior: ArrayLike | None = None,
+        deadline: float | None = None,
     ) -> None:
         if not 0 < threshold < 1:
             raise ValueError(f"threshold: must be between 0 and 1, not {threshold!r}")
+        _check_deadline(deadline, planner)
         for name, own in (("world", world), ("model", model)):
             if getattr(planner, name, own) != own:
                 raise ValueError(f"planner: made for another {name} than the robot's")
-        self.world, self.model, self.threshold = world, model, threshold
+        self.world, self.model, self.threshold, self.deadline = world, model, threshold, deadline
         self._planner = planner
         self._initial = Belief.initial(world, model, prior)
         self.reset()
@@ -101,19 +112,26 @@ class Robot:
         if self._planner is None:
             from taskcomm.planner import EntropyPlanner
 
-            self._planner = EntropyPlanner(self.world, self.model)
+            self._planner = EntropyPlanner(self.world, self.model, horizon=self._default_horizon)
         return self._planner
+
+    @property
+    def _default_horizon(self) -> int:
+        return 5 if self.deadline is None else FAR
 
     @property
     def description(self) -> dict[str, Any]:
         """What a log says of this robot: condition, robot_model, planner."""
         default = "intuitive" if self.model == TeacherModel.intuitive() else "unnamed"
         name = str(self.model.provenance.get("name", default))
+        default_horizon = self._default_horizon if self._planner is None else None
         planner = {
-            "horizon": getattr(self._planner, "horizon", None) if self._planner is not None else 5,
+            "horizon": getattr(self._planner, "horizon", default_horizon),
             "threshold": self.threshold,
             "seed": getattr(self._planner, "seed", None),
         }
+        if self.deadline is not None:
+            planner["deadline"] = self.deadline
         robot_model = {"name": name, "sha256": self.model.sha256}
         return {"condition": "pomdp", "robot_model": robot_model, "planner": planner}
 
@@ -145,7 +163,9 @@ class Robot:
         marginal = self.belief.marginal()
         best = int(marginal.argmax())
         if not marginal[best] > self.threshold:
-            self.decision = self.planner.plan(self.belief, self.state)
+            plan: Callable[..., Any] = self.planner.plan
+            in_time = {} if self.deadline is None else {"deadline": self.deadline}
+            self.decision = plan(self.belief, self.state, **in_time)
             return self.decision.action
         task = self.world.tasks[best]
         if is_goal(self.world, self.state, task):
@@ -159,3 +179,14 @@ class Robot:
                 self._ways[at, task] = action
                 at = self.world.step(at, action)
         return self._ways[self.state, task]
+
+
+def _check_deadline(deadline: float | None, planner: Planner | None) -> None:
+    if deadline is None:
+        return
+    if not deadline > 0:
+        raise ValueError(f"deadline: must be a positive number of seconds, not {deadline!r}")
+    if planner is not None:
+        taken = inspect.signature(planner.plan).parameters.values()
+        if not any(p.name == "deadline" or p.kind is p.VAR_KEYWORD for p in taken):
+            raise ValueError(f"deadline: {type(planner).__name__}.plan(belief, state) takes none")

@@ -226,6 +226,59 @@ def test_the_planner_is_entropy_at_horizon_5_unless_given() -> None:
     }
 
 
+class Timed(Wander):
+    """A stand-in planner that notes its deadlines."""
+
+    def __init__(self, world: Any) -> None:
+        super().__init__(world, lambda actions, asked: actions[0])
+        self.deadlines: list[float | None] = []
+
+    def plan(self, belief: Belief, state: Any, deadline: float | None = None) -> Choice:
+        self.deadlines.append(deadline)
+        return super().plan(belief, state)
+
+
+def test_every_decision_gets_the_deadline_and_none_where_the_robot_has_none() -> None:
+    world, model = menu()
+    for deadline in (0.2, None):
+        planner = Timed(world)
+        robot = Robot(world, model, planner, deadline=deadline)
+        robot.act(None), robot.act(False)
+        assert planner.deadlines == [deadline] * 2
+    assert robot.description["planner"].keys() == {"horizon", "threshold", "seed"}
+
+
+def test_a_deadline_that_is_long_enough_changes_nothing_and_one_that_is_not_shortens_the_view() -> None:
+    world, model = menu(3)
+    teacher = SimulatedTeacher(world, model, "paella")
+    trials = [
+        run_trial(Robot(world, model, EntropyPlanner(world, model, 3), deadline=deadline), teacher, rng)
+        for deadline, rng in ((None, np.random.default_rng(3)), (1000.0, np.random.default_rng(3)))
+    ]
+    assert trials[0].steps == trials[1].steps
+    assert trials[1].planner == {"horizon": 3, "threshold": 0.98, "seed": None, "deadline": 1000.0}
+    hurried = Robot(WORLD, MODEL, deadline=1e-9)
+    hurried.act(None)
+    assert hurried.decision.horizon == 1
+
+
+def test_with_a_deadline_the_planner_may_look_10_steps_ahead_unless_given() -> None:
+    robot = Robot(WORLD, MODEL, deadline=0.4)
+    told = {"horizon": 10, "threshold": 0.98, "seed": None, "deadline": 0.4}
+    assert robot.description["planner"] == told
+    assert isinstance(robot.planner, EntropyPlanner)
+    assert robot.planner.horizon == 10
+    assert robot.description["planner"] == told
+
+
+@pytest.mark.parametrize("deadline", [0, -0.4, float("nan")])
+def test_refuses_a_deadline_that_is_none_or_that_the_planner_takes_none_of(deadline: float) -> None:
+    with pytest.raises(ValueError, match="deadline: must be a positive number of seconds"):
+        Robot(WORLD, MODEL, deadline=deadline)
+    with pytest.raises(ValueError, match=r"deadline: Wander\.plan\(belief, state\) takes none"):
+        Robot(WORLD, MODEL, Wander(WORLD, lambda actions, asked: actions[0]), deadline=0.4)
+
+
 @pytest.mark.parametrize("threshold", [0, 1, -0.5, 1.5, float("nan")])
 def test_refuses_a_threshold_that_is_none(threshold: float) -> None:
     with pytest.raises(ValueError, match="threshold: must be between 0 and 1"):
