@@ -102,6 +102,7 @@ class Action:
 
 
 NOA = Action("noa")
+_action = lru_cache(maxsize=1 << 14)(Action)  # an action that was made before needs no checks
 
 
 class BallState(NamedTuple):
@@ -173,35 +174,52 @@ class BallWorld:
         return placement[1] if placement and placement[0] == reference else self.num_distances + 1
 
     def _slides(self, state: BallState, ball: int) -> list[Action]:
-        placement = state.placements[ball - 1]
+        placement, off = state.placements[ball - 1], self.num_distances + 1
+        placed_at, at = placement if placement else (0, off)
         references = range(1, self.num_balls + 1)
         if ball != state.held:
-            references = range(placement[0], placement[0] + 1) if placement else range(0)
+            references = range(placed_at, placed_at + 1) if placement else range(0)
         return [
-            Action("slide", ball, k, reference)
+            _action("slide", ball, k, reference)
             for reference in references
             if reference != ball
-            for now in (self.distance(state, ball, reference),)
+            for now in (at if reference == placed_at else off,)
             for k in (now - 1, now + 1)
-            if 1 <= k <= self.num_distances
+            if 1 <= k < off
         ]
 
     def actions(self, state: BallState) -> tuple[Action, ...]:
         """The valid actions in canonical order: noa, lights, pick_up or release, slides."""
-        balls = range(1, self.num_balls + 1)
-        actions = [NOA]
-        actions += [Action("light_off" if ball in state.lit else "light_on", ball) for ball in balls]
+        balls, lit = range(1, self.num_balls + 1), state.lit
+        actions = [NOA, *(_action("light_off" if ball in lit else "light_on", ball) for ball in balls)]
         if state.held is None:
-            actions += [Action("pick_up", ball) for ball in balls]
+            actions += [_action("pick_up", ball) for ball in balls]
         else:
-            actions.append(Action("release", state.held))
+            actions.append(_action("release", state.held))
         for ball in balls if self.slide_unheld else [state.held] if state.held else []:
             actions += self._slides(state, ball)
         return tuple(actions)
 
+    def _allows(self, state: BallState, action: Action) -> bool:
+        """Whether the action is one of `actions(state)`."""
+        name, ball, distance, reference = action.name, action.ball, action.distance, action.reference
+        if ball is None:
+            return name == "noa"
+        if ball > self.num_balls:
+            return False
+        if name == "light_on" or name == "light_off":
+            return (ball in state.lit) == (name == "light_off")
+        if name == "pick_up" or name == "release":
+            return state.held == (None if name == "pick_up" else ball)
+        if distance is None or reference is None or not reference <= self.num_balls or reference == ball:
+            return False
+        at = self.distance(state, ball, reference)
+        rests = self.slide_unheld and at <= self.num_distances
+        return (state.held == ball or rests) and distance <= self.num_distances and abs(distance - at) == 1
+
     def step(self, state: BallState, action: Action) -> BallState:
         """The state after `action`."""
-        if action not in self.actions(state):
+        if not isinstance(action, Action) or not self._allows(state, action):
             raise InvalidAction(f"{action} is not valid in {state}")
         name, ball = action.name, action.ball
         lit, held, placements, _ = state
@@ -253,23 +271,42 @@ class BallWorld:
         return _cues(self, state)
 
 
-@lru_cache(maxsize=1 << 14)
+@lru_cache(maxsize=1 << 12)
 def _cues(world: BallWorld, state: BallState) -> NDArray[np.bool_]:
-    mov, wrt, dist = world._columns
-    lit = np.zeros(world.num_balls + 1, dtype=np.bool_)
-    lit[list(state.lit)] = True
-    reference = np.array([0] + [p[0] if p else 0 for p in state.placements])
-    distance = np.array([0] + [p[1] if p else 0 for p in state.placements])
-    held = mov == (state.held or 0)
-    near = reference[mov] == wrt
-    slid, change = state.slid or (0, 0)
-    gap = distance[mov] - dist
-    closing = near & (mov == slid) & (np.abs(gap) < np.abs(gap - change))
-    table = np.stack(
-        [lit[mov], held & lit[wrt], near & (distance[mov] == dist), held, lit[wrt], near, closing]
-    )
+    mov_lit, wrt_lit = _lit(world, state.lit)
+    near, at_dist, gap = _placed(world, state.placements)
+    mov = world._columns[0]
+    table = np.zeros((len(world.cue_names), len(mov)), dtype=np.bool_)
+    table[0], table[2], table[4], table[5] = mov_lit, at_dist, wrt_lit, near
+    if state.held:
+        np.equal(mov, state.held, out=table[3])
+        np.logical_and(table[3], wrt_lit, out=table[1])
+    if state.slid:
+        slid, change = state.slid
+        table[6] = near & (mov == slid) & (np.abs(gap) < np.abs(gap - change))
     table.setflags(write=False)
     return table
+
+
+@lru_cache(maxsize=1 << 10)
+def _lit(world: BallWorld, balls: frozenset[int]) -> tuple[NDArray[np.bool_], ...]:
+    """Whether ball mov, and ball wrt, of each task is lit."""
+    mov, wrt, _ = world._columns
+    lit = np.zeros(world.num_balls + 1, dtype=np.bool_)
+    lit[list(balls)] = True
+    return lit[mov], lit[wrt]
+
+
+@lru_cache(maxsize=1 << 10)
+def _placed(
+    world: BallWorld, placements: tuple[tuple[int, int] | None, ...]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.int64]]:
+    """By task: whether ball mov is placed near wrt, whether at dist from it, and its distance less dist."""
+    mov, wrt, dist = world._columns
+    reference = np.array([0] + [p[0] if p else 0 for p in placements])
+    gap = np.array([0] + [p[1] if p else 0 for p in placements])[mov] - dist
+    near = reference[mov] == wrt
+    return near, near & (gap == 0), gap
 
 
 def is_goal(world: World, state: Hashable, task: Hashable) -> bool:
