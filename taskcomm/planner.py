@@ -133,16 +133,16 @@ class EntropyPlanner:
         started = time.perf_counter()
         if belief.model != self.model or len(belief.world.tasks) != len(self.world.tasks):
             raise ValueError("the belief was made with another model or world than the planner")
-        root, slack = self._graph.node(state), np.inf if exact_values else _SLACK
+        slack = np.inf if exact_values else _SLACK
         search = None
         for horizon in [self.horizon] if deadline is None else range(1, self.horizon + 1):
             until = math.inf if deadline is None or horizon == 1 else started + deadline
-            deeper = self._search(belief, root, horizon, slack, until)
+            deeper = self._search(belief, state, horizon, slack, until)
             if deeper is None:
                 break
             search = deeper
         assert search is not None  # the first horizon has no deadline
-        return self._decision(search, self._graph.actions[root], _Asked(self, belief, state), started)
+        return self._decision(search, tuple(self.world.actions(state)), _Asked(self, belief, state), started)
 
     def _decision(
         self, search: Search, actions: tuple[Any, ...], asked: "_Asked", started: float
@@ -171,9 +171,12 @@ class EntropyPlanner:
         shorter.horizon, shorter.ties = horizon, "first"
         return shorter.plan(belief, state)
 
-    def _search(self, belief: Belief, root: int, horizon: int, slack: float, until: float) -> Search | None:
+    def _search(
+        self, belief: Belief, state: Hashable, horizon: int, slack: float, until: float
+    ) -> Search | None:
         """The finished search, or None if `until` came first."""
-        if not self._graph.grow(root, horizon, until):
+        root = self._graph.grow(state, horizon, until)
+        if root is None:
             return None
         while True:
             search = Search(belief, self._graph, root, horizon, slack, self.gamma, self._capacity)

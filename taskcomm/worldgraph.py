@@ -1,8 +1,8 @@
-"""World states interned to numbers: successors and cue patterns as arrays, grown as needed."""
+"""World states interned to numbers: successors, cue patterns and outlooks as arrays, bounded in memory."""
 
 import math
 import time
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,22 +12,49 @@ from taskcomm.world import World
 
 MAX_CUES = 16
 MAX_TASKS = 1 << 16
+STATE_BYTES = 1000  # of Python objects for each node: about what a state of a few small tuples takes
+_BATCH = 1 << 20  # successors times tasks between two looks at the clock: about a millisecond
+
+
+class _Full(Exception):
+    """No room for another node or row."""
+
+
+class _Narrow(Exception):
+    """A state has more actions than there is room for."""
 
 
 class WorldGraph:
-    """The part of a World that lies within some steps of the states asked for.
+    """The part of a World that lies within some steps of the states asked for, in `memory` bytes at most.
 
-    Node n is `states[n]`, with actions `actions[n]` (canonical order) leading to the nodes
-    `successor[first[n] : first[n] + count[n]]` once it is expanded (`count[n]` > 0).
-    `pattern[n, task]` has bit m set where the cue of approval m is on. What 1 to d steps from n can show is
-    filled for d <= `depth[n]`, and stands in the row `slot[n, d]` of three arrays; row 0, of zeros, is for
-    d = 0 and for what is not filled:
-    `reach[row, task]` has bit m set where the cue is on in some state that 1 to d steps from n lead to;
-    `climb[row, task]` is the most that d steps on one path from n can collect where each state pays
-    `worth[m]` for each cue that is on; `run[row, task]` numbers runs of adjacent tasks that no path of d
-    steps from n can tell apart. `cue` (M,) are the rows of `world.cues(state)` that the teacher model uses.
-    The arrays are reserved at once for `memory` bytes in all, which the system commits as they are filled.
+    Node n is `states[n]`; its actions, in canonical order, lead to the nodes
+    `successor[first[n] : first[n] + count[n]]` once it is expanded (`count[n]` > 0); `most` is the largest
+    count so far. `pattern[n, task]` has bit m set where the cue of approval m is on; `cue` (M,) are the rows
+    of `world.cues(state)` that the teacher model uses.
+
+    The outlook of n: what d steps from it can show, filled for d <= `depth[n]`, is the row `slot[n, d]`
+    of three arrays. Row 0, of zeros, stands for d = 0 and for what is not filled.
+    `reach[row, task]` has bit m set where the cue is on in some state that 1 to d steps lead to;
+    `climb[row, task]` is the most that d steps on one path can collect where each state pays `worth[m]`
+    for each cue that is on; `run[row, task]` numbers runs of adjacent tasks that no path of d steps can
+    tell apart.
+
+    Memory. The arrays are reserved for all they may ever hold, and the system commits what is touched; small
+    graphs do with a small part of it. When it is full, what does not lie within the steps asked for of the
+    state asked for is dropped, and its numbers are used again: a number is good until the next `grow`. The
+    states themselves are counted at STATE_BYTES each.
     """
+
+    first: NDArray[np.int64]
+    count: NDArray[np.int64]
+    depth: NDArray[np.int64]
+    distance: NDArray[np.int16]
+    pattern: NDArray[np.uint16]
+    slot: NDArray[np.int32]
+    successor: NDArray[np.int32]
+    reach: NDArray[np.uint16]
+    climb: NDArray[np.float64]
+    run: NDArray[np.uint16]
 
     def __init__(
         self,
@@ -37,102 +64,215 @@ class WorldGraph:
         horizon: int,
         memory: int = 512 << 20,
     ) -> None:
-        tasks = len(world.tasks)
         if len(cue) > MAX_CUES:
             raise ValueError(f"at most {MAX_CUES} approval states, not {len(cue)}")
-        if tasks > MAX_TASKS:
-            raise ValueError(f"at most {MAX_TASKS} tasks, not {tasks}")
-        self.world, self.cue, self.worth, self.horizon = world, cue, worth, horizon
+        if len(world.tasks) > MAX_TASKS:
+            raise ValueError(f"at most {MAX_TASKS} tasks, not {len(world.tasks)}")
+        if not memory > 0:
+            raise ValueError(f"memory must be a positive number of bytes, not {memory!r}")
+        from taskcomm import _outlook  # numba is loaded, and the kernels compiled, only when they are needed
+
+        self._kernels = _outlook
+        self.world, self.cue, self.horizon, self.memory = world, cue, horizon, memory
+        patterns = np.arange(1 << len(cue))[:, None]
+        self._pays = (patterns >> np.arange(len(cue)) & 1) @ worth
+        self._differ = np.zeros(len(world.tasks), dtype=np.bool_)
+        self.most, self._width = 0, 2 * len(world.actions(world.start()))
+        self._empty()
+
+    def _empty(self) -> None:
+        """No node at all, and room for few."""
         self.states: list[Any] = []
-        self.actions: list[tuple[Any, ...]] = []
         self._index: dict[Hashable, int] = {}
-        self._bits = (1 << np.arange(len(cue))).astype(np.uint16)[:, None]
-        nodes = memory // 2 // (10 * tasks + 4 * (horizon + 1) + 1000)
-        rows = memory // 2 // (12 * tasks)
-        self.first = np.zeros(nodes, dtype=np.int64)
-        self.count = np.zeros(nodes, dtype=np.int64)
-        self.depth = np.zeros(nodes, dtype=np.int64)
-        self.pattern = np.zeros((nodes, tasks), dtype=np.uint16)
-        self.pay = np.zeros((nodes, tasks))
-        self.slot = np.zeros((nodes, horizon + 1), dtype=np.int32)
-        self.reach = np.zeros((rows, tasks), dtype=np.uint16)
-        self.climb = np.zeros((rows, tasks))
-        self.run = np.zeros((rows, tasks), dtype=np.uint16)
-        self.successor = np.zeros(32 * nodes, dtype=np.int32)
-        self._used, self._rows = 0, 1
+        self._alive = bytearray()
+        self._rows, self._links = 1, 0  # never used so far: rows and segments of `successor` from here on
+        self._gone: list[int] = []  # numbers to use again, but for those that are alive again
+        self._free_rows: list[int] = []
+        self._free_links: list[int] = []
+        self._root, self._layers = -1, [np.zeros(0, dtype=np.int32)]
+        self._reserved = 0
+        self._reserve(self.memory // 64)
+
+    def _reserve(self, memory: int) -> None:
+        """Make the arrays as large as `memory` bytes allow, what they hold being kept."""
+        tasks, steps = len(self.world.tasks), self.horizon + 1
+        nodes = max(2, memory // 3 * 2 // (2 * tasks + 4 * steps + 26 + STATE_BYTES))
+        rows = max(2, memory // 3 // (12 * tasks + 4 * self._width))
+        kinds: dict[str, tuple[tuple[int, ...], type]] = {
+            "first": ((nodes,), np.int64),
+            "count": ((nodes,), np.int64),
+            "depth": ((nodes,), np.int64),
+            "distance": ((nodes,), np.int16),
+            "pattern": ((nodes, tasks), np.uint16),
+            "slot": ((nodes, steps), np.int32),
+            "successor": ((rows * self._width,), np.int32),
+            "reach": ((rows, tasks), np.uint16),
+            "climb": ((rows, tasks), np.float64),
+            "run": ((rows, tasks), np.uint16),
+        }
+        for name, (shape, kind) in kinds.items():
+            array: NDArray[Any] = np.zeros(shape, dtype=kind)
+            if self._reserved:
+                old = getattr(self, name)
+                array[: len(old)] = old
+            setattr(self, name, array)
+        self._reserved = memory
 
     def node(self, state: Hashable) -> int:
         """The number of a state, new ones being added."""
-        index = self._index.get(state)
-        if index is not None:
-            return index
-        index = len(self.states)
-        if index == len(self.first):
-            raise MemoryError(f"the graph of {self.world} is full: {index} states")
-        self.states.append(state)
-        self.actions.append(())
-        self._index[state] = index
-        on = np.asarray(self.world.cues(state), dtype=np.bool_)[self.cue]
-        self.pattern[index] = np.where(on, self._bits, 0).sum(axis=0)
-        self.pay[index] = self.worth @ on
-        return index
+        return self._nodes([state])[0]
 
-    def expand(self, node: int) -> None:
-        """Add the successors of a node, one for each action."""
-        if self.count[node]:
-            return
-        state = self.states[node]
-        actions = tuple(self.world.actions(state))
-        if not actions:
-            raise ValueError(f"no action is valid in {state}; a World must always offer one")
-        successors = [self.node(self.world.step(state, action)) for action in actions]
-        self.successor[self._used : self._used + len(actions)] = successors
-        self.first[node], self.count[node] = self._used, len(actions)
-        self.actions[node] = actions
-        self._used += len(actions)
+    def grow(self, state: Hashable, depth: int, until: float = math.inf) -> int | None:
+        """The node of `state`, everything less than `depth` steps from it expanded and its outlook filled.
 
-    def grow(self, root: int, depth: int, until: float = math.inf) -> bool:
-        """Expand all nodes less than `depth` steps from `root`, and fill in what they lead to.
-
-        False if `until` (on the clock of time.perf_counter) came first; what was done is kept.
+        None if `until` (on the clock of time.perf_counter) came first, or all this does not fit into the
+        memory; what was done is kept. Without `until` the latter is a MemoryError.
         """
+        if not 0 <= depth <= self.horizon:
+            raise ValueError(f"depth must lie in 0 to the graph's horizon {self.horizon}, not {depth!r}")
+        dropped = False
+        while True:
+            try:
+                root = self.node(state)
+                return root if self._grown(root, depth, until) else None
+            except _Narrow as narrow:
+                self._width = 2 * narrow.args[0]
+                self._empty()
+            except _Full:
+                if self._reserved < self.memory:
+                    self._reserve(self.memory)
+                elif not dropped:
+                    self._drop(state, depth)
+                    dropped = True
+                elif math.isinf(until):
+                    raise MemoryError(
+                        f"the worlds within {depth} steps of {state} do not fit into {self.memory} bytes"
+                        f" ({len(self.count)} states, {len(self.reach)} outlooks of {len(self.world.tasks)}"
+                        " tasks): take a shorter horizon, a deadline, or more memory"
+                    ) from None
+                else:
+                    return None
+
+    def _grown(self, root: int, depth: int, until: float) -> bool:
+        """Expand and fill around `root`; False if `until` came first."""
         if self.depth[root] >= depth:
             return True
-        layers, seen = [[root]], {root}
-        for _ in range(depth):
-            layer: list[int] = []
-            for node in layers[-1]:
+        if root != self._root:
+            self._root, self._layers = root, [np.array([root], dtype=np.int32)]
+            self.distance[: len(self.states)] = self._kernels.UNSEEN
+            self.distance[root] = 0
+        while len(self._layers) <= depth:
+            layer = self._layers[-1]
+            for node in layer[self.count[layer] == 0].tolist():
                 if time.perf_counter() >= until:
                     return False
-                self.expand(node)
-                for reached in self._after(node):
-                    if reached not in seen:
-                        seen.add(reached)
-                        layer.append(reached)
-            layers.append(layer)
-        for steps in range(1, depth + 1):
-            for layer in layers[: depth - steps + 1]:
-                for node in layer:
-                    if self.depth[node] < steps:
-                        if time.perf_counter() >= until:
-                            return False
-                        self._fill(node, steps)
+                self._expand(node)
+            self._layers.append(self._spread(layer, len(self._layers)))
+        return all(self._filled(depth - steps, steps, until) for steps in range(1, depth + 1))
+
+    def _spread(self, layer: NDArray[np.int32], steps: int) -> NDArray[np.int32]:
+        """The nodes that one step from those of `layer` leads to, if no fewer than `steps` lead there."""
+        found = np.empty(len(self.states), dtype=np.int32)
+        graph = self.first, self.count, self.successor, self.distance
+        return found[: self._kernels.spread(layer, steps, *graph, found)].copy()
+
+    def _filled(self, distance: int, steps: int, until: float) -> bool:
+        """Fill the outlook of `steps` steps up to `distance` from the root; False if `until` came first."""
+        nodes = np.concatenate(self._layers[: distance + 1])
+        nodes = nodes[self.depth[nodes] < steps]
+        batch = max(1, _BATCH // (self.most * len(self._differ)))
+        while len(nodes):
+            if time.perf_counter() >= until:
+                return False
+            rows = np.array(self._taken(min(batch, len(nodes))), dtype=np.int32)
+            done, nodes = nodes[: len(rows)], nodes[len(rows) :]
+            graph = self.first, self.count, self.successor, self.pattern, self._pays, self.slot
+            self._kernels.fill(done, rows, steps, *graph, self.reach, self.climb, self.run, self._differ)
+            self.depth[done] = steps
         return True
 
-    def _fill(self, node: int, steps: int) -> None:
-        """What `steps` steps from a node can show, from what one step less can show from its successors."""
-        after = self._after(node)
-        row, before = self._rows, self.slot[after, steps - 1]
-        if row == len(self.reach):
-            raise MemoryError(f"the graph of {self.world} is full: {row} rows")
-        shown = self.pattern[after]
-        self.reach[row] = np.bitwise_or.reduce(shown | self.reach[before], axis=0)
-        self.climb[row] = (self.pay[after] + self.climb[before]).max(axis=0)
-        differ = (np.diff(shown, axis=1) != 0) | (np.diff(self.run[before], axis=1) != 0)
-        self.run[row, 1:] = np.cumsum(differ.any(axis=0))
-        self.slot[node, steps], self.depth[node] = row, steps
-        self._rows += 1
+    def _taken(self, most: int) -> list[int]:
+        """The numbers of rows to fill, at least one and at `most` so many."""
+        rows = self._free_rows[-most:]
+        if rows:
+            del self._free_rows[-most:]
+            return rows
+        rows = list(range(self._rows, min(self._rows + most, len(self.reach))))
+        if not rows:
+            raise _Full
+        self._rows += len(rows)
+        return rows
 
-    def _after(self, node: int) -> list[int]:
-        first = self.first[node]
-        return self.successor[first : first + self.count[node]].tolist()  # type: ignore[no-any-return]
+    def _expand(self, node: int) -> None:
+        """Add the successors of a node, one for each action."""
+        state, step = self.states[node], self.world.step
+        actions = self.world.actions(state)
+        if not actions:
+            raise ValueError(f"no action is valid in {state}; a World must always offer one")
+        if len(actions) > self._width:
+            raise _Narrow(len(actions))
+        successors = self._nodes([step(state, action) for action in actions])
+        if self._free_links:
+            first = self._free_links.pop()
+        else:
+            first = self._links
+            if first == len(self.successor):
+                raise _Full
+            self._links += self._width
+        self.successor[first : first + len(actions)] = successors
+        self.first[node], self.count[node] = first, len(actions)
+        self.most = max(self.most, len(actions))
+
+    def _nodes(self, states: Sequence[Hashable]) -> list[int]:
+        """The numbers of states; the patterns of those that are new are laid out together."""
+        numbers, new, shown = [], [], []
+        try:
+            for state in states:
+                number = self._index.get(state)
+                if number is None:
+                    shown.append(np.asarray(self.world.cues(state), dtype=np.bool_)[self.cue])
+                    number = self._added(state)
+                    new.append(number)
+                self._alive[number] = True
+                numbers.append(number)
+        finally:
+            if new:
+                packed = np.packbits(np.stack(shown[: len(new)]), axis=1, bitorder="little")
+                self.pattern[new] = packed[:, 0]
+                if packed.shape[1] > 1:
+                    self.pattern[new] |= packed[:, 1].astype(np.uint16) << 8
+        return numbers
+
+    def _added(self, state: Hashable) -> int:
+        while self._gone:
+            number = self._gone.pop()
+            if not self._alive[number]:
+                del self._index[self.states[number]]
+                self.states[number] = state
+                break
+        else:
+            number = len(self.states)
+            if number == len(self.count):
+                raise _Full
+            self.states.append(state)
+            self._alive.append(True)
+        self._index[state] = number
+        self.distance[number] = self._kernels.UNSEEN
+        return number
+
+    def _drop(self, state: Hashable, keep: int) -> None:
+        """Leave what is known to lie within `keep` steps of `state`; the rest may be overwritten."""
+        used, root = len(self.states), self._index.get(state)
+        self.distance[:used], self._root = self._kernels.UNSEEN, -1
+        if root is not None:
+            layer = np.array([root], dtype=np.int32)
+            self.distance[root] = 0
+            for steps in range(1, keep + 1):
+                layer = self._spread(layer, steps)
+        gone, rows, links = (np.empty(n, dtype=np.int64) for n in (used, self._rows, used))
+        graph = self.first, self.count, self.depth, self.slot
+        ends = self._kernels.cut(self.distance[:used], keep, *graph, gone, rows, links)
+        self._gone = gone[: ends[0]].tolist()
+        self._free_rows += rows[: ends[1]].tolist()
+        self._free_links += links[: ends[2]].tolist()
+        self._alive[:] = (self.distance[:used] != self._kernels.UNSEEN).tobytes()

@@ -1,0 +1,81 @@
+# mypy: disable-error-code="no-untyped-def, no-untyped-call"
+"""The compiled part of the world graph: walking it, and what the coming steps can show."""
+
+import numpy as np
+
+from taskcomm.compiling import kernel
+
+UNSEEN = -1  # distance of a node that was not reached
+
+_kernel = kernel(__name__, "the planner's world graph", error_model="numpy")
+
+
+@_kernel
+def spread(layer, steps, first, count, successor, distance, found):
+    """Give the distance `steps` to the successors of `layer` that have none; they go into `found`.
+
+    Returns their number.
+    """
+    number = 0
+    for node in layer:
+        for at in range(first[node], first[node] + count[node]):
+            reached = successor[at]
+            if distance[reached] == UNSEEN:
+                distance[reached] = steps
+                found[number] = reached
+                number += 1
+    return number
+
+
+@_kernel
+def fill(nodes, rows, steps, first, count, successor, pattern, pays, slot, reach, climb, run, differ):
+    """What `steps` steps from each node can show, into its row, from one step less from its successors.
+
+    See `WorldGraph` for `reach`, `climb` and `run`; `pays[pattern]` is what a pattern pays.
+    """
+    tasks = pattern.shape[1]
+    for i in range(len(nodes)):
+        node, row = nodes[i], rows[i]
+        reach[row], climb[row], differ[:] = 0, -np.inf, False
+        for at in range(first[node], first[node] + count[node]):
+            reached = successor[at]
+            before = slot[reached, steps - 1]
+            shown, number = pattern[reached, 0], run[before, 0]
+            for t in range(tasks):
+                differ[t] |= pattern[reached, t] != shown or run[before, t] != number
+                shown, number = pattern[reached, t], run[before, t]
+                reach[row, t] |= shown | reach[before, t]
+                climb[row, t] = max(climb[row, t], pays[shown] + climb[before, t])
+        number = 0
+        for t in range(tasks):
+            number += differ[t]
+            run[row, t] = number
+        slot[node, steps] = row
+
+
+@_kernel
+def cut(distance, keep, first, count, depth, slot, gone, rows, links):
+    """Leave the part of the graph within `keep` steps; `distance` is that from the root.
+
+    What is beyond goes into `gone`, the rows no longer needed into `rows`, and the `first` of nodes no
+    longer expanded, which are those at `keep` steps too, into `links`; returns how many they are. Nodes
+    nearer lose what looks further than `keep`.
+    """
+    nodes_gone, rows_gone, links_gone = 0, 0, 0
+    for node in range(len(distance)):
+        left = 0
+        if distance[node] == UNSEEN:
+            gone[nodes_gone] = node
+            nodes_gone += 1
+        else:
+            left = keep - distance[node]
+        for steps in range(left + 1, depth[node] + 1):
+            rows[rows_gone] = slot[node, steps]
+            rows_gone += 1
+            slot[node, steps] = 0
+        depth[node] = min(depth[node], left)
+        if left == 0 and count[node] > 0:
+            links[links_gone] = first[node]
+            links_gone += 1
+            count[node] = 0
+    return nodes_gone, rows_gone, links_gone
