@@ -5,22 +5,20 @@ import numpy as np
 
 from taskcomm.compiling import kernel
 
-UNSEEN = -1  # distance of a node that was not reached
-
 _kernel = kernel(__name__, "the planner's world graph", error_model="numpy")
 
 
 @_kernel
 def spread(layer, steps, first, count, successor, distance, found):
-    """Give the distance `steps` to the successors of `layer` that have none; they go into `found`.
+    """Give the distance `steps` to the successors of `layer` that have none, a negative one.
 
-    Returns their number.
+    They go into `found`; returns their number.
     """
     number = 0
     for node in layer:
         for at in range(first[node], first[node] + count[node]):
             reached = successor[at]
-            if distance[reached] == UNSEEN:
+            if distance[reached] < 0:
                 distance[reached] = steps
                 found[number] = reached
                 number += 1
@@ -55,7 +53,8 @@ def fill(nodes, rows, steps, first, count, successor, pattern, pays, slot, reach
 
 @_kernel
 def cut(distance, keep, first, count, depth, slot, gone, rows, links):
-    """Leave the part of the graph within `keep` steps; `distance` is that from the root.
+    """Leave the part of the graph within `keep` steps; `distance` is that from the root, negative where it
+    was not reached.
 
     What is beyond goes into `gone`, the rows no longer needed into `rows`, and the `first` of nodes no
     longer expanded, which are those at `keep` steps too, into `links`; returns how many they are. Nodes
@@ -64,7 +63,7 @@ def cut(distance, keep, first, count, depth, slot, gone, rows, links):
     nodes_gone, rows_gone, links_gone = 0, 0, 0
     for node in range(len(distance)):
         left = 0
-        if distance[node] == UNSEEN:
+        if distance[node] < 0:
             gone[nodes_gone] = node
             nodes_gone += 1
         else:

@@ -68,9 +68,10 @@ class EntropyPlanner:
         Q_h(b, w, a) = sum_o P(o | b, a) (C(b_ao) + gamma min_a' Q_{h-1}(b_ao, w_a, a')),  Q_0 = 0
 
     with C the entropy of the marginal over tasks. `ties` is "first" (in canonical order) or
-    "random" (drawn with `seed`). A planner keeps only what it has seen of the world; it may be used for
-    any number of beliefs and trials, from one thread at a time. Raises ValueError for a bad horizon, gamma or
-    ties, and ModelError for a cue that the world does not have.
+    "random" (drawn with `seed`). A planner keeps only what it has seen of the world, the nearest of it where
+    that is more than `memory` bytes; it may be used for any number of beliefs and trials, from one thread at
+    a time. Raises ValueError for a bad horizon, gamma, ties or memory, and ModelError for a cue that the
+    world does not have.
 
     >>> from taskcomm.world import BallWorld
     >>> world, model = BallWorld(), TeacherModel.intuitive()
@@ -90,6 +91,7 @@ class EntropyPlanner:
         gamma: float = 1.0,
         ties: str = "first",
         seed: int | None = None,
+        memory: int = GRAPH_MEMORY,
     ) -> None:
         if isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 1:
             raise ValueError(f"horizon must be a whole number of steps from 1, not {horizon!r}")
@@ -102,7 +104,7 @@ class EntropyPlanner:
         self._random = np.random.default_rng(seed)
         parameters = model.parameters(world.cue_names)
         worth = parameters.peak * parameters.dt / parameters.rise
-        self._graph = WorldGraph(world, parameters.cue, worth, horizon, GRAPH_MEMORY)
+        self._graph = WorldGraph(world, parameters.cue, worth, horizon, memory)
         self._capacity = 1 << 14
 
     def reset(self, rng: np.random.Generator | None = None) -> None:
@@ -126,7 +128,8 @@ class EntropyPlanner:
         With a `deadline` (s from now), the decision at the longest horizon, up to the planner's, whose
         search ends by then; `Decision.horizon` says which, and the decision is exact at it. One step ahead is
         always looked, and that takes no time to speak of. Raises ValueError where the belief is one over
-        other tasks or under another model, or the deadline is not positive.
+        other tasks or under another model, or the deadline is not positive, and MemoryError where the worlds
+        within the horizon do not fit into the planner's memory; a deadline looks less far then.
         """
         if deadline is not None and not deadline > 0:
             raise ValueError(f"deadline must be a positive number of seconds, not {deadline!r}")

@@ -34,7 +34,7 @@ class Search:
         from taskcomm import _search  # numba is loaded, and the kernel compiled, only when it is needed
 
         p = belief.parameters
-        states, rows, most = len(p.peak), len(belief.task), int(graph.count.max())
+        states, rows, most = len(p.peak), len(belief.task), graph.most
         decays = bool(np.isfinite(p.decay).any())
         capacity = max(capacity, rows * (states + 3))
         task, row = np.zeros(capacity, dtype=np.int64), np.zeros((capacity, 2 + states * (1 + decays)))

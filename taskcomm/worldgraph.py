@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Hashable, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,10 @@ from numpy.typing import NDArray
 
 from taskcomm.world import World
 
+UNSEEN = -1  # distance of a node that was not reached
 MAX_CUES = 16
 MAX_TASKS = 1 << 16
-STATE_BYTES = 1000  # of Python objects for each node: about what a state of a few small tuples takes
+STATE_BYTES = 600  # of Python objects for each node: more than a state of a few small tuples takes
 _BATCH = 1 << 20  # successors times tasks between two looks at the clock: about a millisecond
 
 
@@ -70,10 +72,7 @@ class WorldGraph:
             raise ValueError(f"at most {MAX_TASKS} tasks, not {len(world.tasks)}")
         if not memory > 0:
             raise ValueError(f"memory must be a positive number of bytes, not {memory!r}")
-        from taskcomm import _outlook  # numba is loaded, and the kernels compiled, only when they are needed
-
-        self._kernels = _outlook
-        self.world, self.cue, self.horizon, self.memory = world, cue, horizon, memory
+        self.world, self.cue, self.worth, self.horizon, self.memory = world, cue, worth, horizon, memory
         patterns = np.arange(1 << len(cue))[:, None]
         self._pays = (patterns >> np.arange(len(cue)) & 1) @ worth
         self._differ = np.zeros(len(world.tasks), dtype=np.bool_)
@@ -118,6 +117,14 @@ class WorldGraph:
             setattr(self, name, array)
         self._reserved = memory
 
+    @cached_property
+    def _kernels(self) -> Any:
+        """The compiled part; all of it is loaded at once, that dropping may not wait for it in a deadline."""
+        from taskcomm import _outlook  # numba is loaded, and the kernels compiled, only when they are needed
+
+        self._cut(_outlook, 0, 0)
+        return _outlook
+
     def node(self, state: Hashable) -> int:
         """The number of a state, new ones being added."""
         return self._nodes([state])[0]
@@ -159,7 +166,7 @@ class WorldGraph:
             return True
         if root != self._root:
             self._root, self._layers = root, [np.array([root], dtype=np.int32)]
-            self.distance[: len(self.states)] = self._kernels.UNSEEN
+            self.distance[: len(self.states)] = UNSEEN
             self.distance[root] = 0
         while len(self._layers) <= depth:
             layer = self._layers[-1]
@@ -257,22 +264,27 @@ class WorldGraph:
             self.states.append(state)
             self._alive.append(True)
         self._index[state] = number
-        self.distance[number] = self._kernels.UNSEEN
+        self.distance[number] = UNSEEN
         return number
 
     def _drop(self, state: Hashable, keep: int) -> None:
         """Leave what is known to lie within `keep` steps of `state`; the rest may be overwritten."""
         used, root = len(self.states), self._index.get(state)
-        self.distance[:used], self._root = self._kernels.UNSEEN, -1
+        self.distance[:used], self._root = UNSEEN, -1
         if root is not None:
             layer = np.array([root], dtype=np.int32)
             self.distance[root] = 0
             for steps in range(1, keep + 1):
                 layer = self._spread(layer, steps)
-        gone, rows, links = (np.empty(n, dtype=np.int64) for n in (used, self._rows, used))
+        gone, rows, links = self._cut(self._kernels, used, keep)
+        self._gone = gone.tolist()
+        self._free_rows += rows.tolist()
+        self._free_links += links.tolist()
+        self._alive[:] = (self.distance[:used] != UNSEEN).tobytes()
+
+    def _cut(self, kernels: Any, used: int, keep: int) -> list[NDArray[np.int64]]:
+        """Cut off what is further than `keep` steps: the nodes, rows and segments that are free now."""
+        freed = [np.empty(most, dtype=np.int64) for most in (used, self._rows, used)]
         graph = self.first, self.count, self.depth, self.slot
-        ends = self._kernels.cut(self.distance[:used], keep, *graph, gone, rows, links)
-        self._gone = gone[: ends[0]].tolist()
-        self._free_rows += rows[: ends[1]].tolist()
-        self._free_links += links[: ends[2]].tolist()
-        self._alive[:] = (self.distance[:used] != self._kernels.UNSEEN).tobytes()
+        ends = kernels.cut(self.distance[:used], keep, *graph, *freed)
+        return [numbers[:end] for numbers, end in zip(freed, ends, strict=True)]
