@@ -1,4 +1,4 @@
-"""Robots that differ in their teacher model only, each teaching trial run with all of them."""
+"""Robots that differ in their teacher model or their planner, each teaching trial run with all of them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -8,8 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.bootstrap import Interval, ratio_interval
+from learn.remembering import Remembering
 from taskcomm.parallel import map_in_order
+from taskcomm.planner import EntropyPlanner
 from taskcomm.replay import belief_path
+from taskcomm.robot import Robot
+from taskcomm.simulate import SimulatedTeacher, run_trial
 from taskcomm.teacher import ModelError, TeacherModel
 from taskcomm.trials import Trial
 from taskcomm.world import World
@@ -19,11 +23,24 @@ Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
+class Design:
+    """A robot as an arm has it: its teacher model, how many steps its planner looks ahead, its deadline.
+
+    With a `deadline` (s for one decision) `horizon` is the most it looks ahead, and outcomes depend on how
+    fast and how busy the machine is.
+    """
+
+    model: TeacherModel
+    horizon: int = 3
+    deadline: float | None = None
+
+
+@dataclass(frozen=True)
 class Outcome:
     """One trial of one arm: `steps` observations, then Final (right or wrong) or a timeout.
 
     `entropy` (nats), `highest` (probability of the likeliest task) and `right` (whether that is the
-    teacher's) are (steps + 1,), before the first step and after each.
+    teacher's) are (steps + 1,), before the first step and after each; empty where they were not kept.
     """
 
     steps: int
@@ -105,47 +122,67 @@ class ClosedLoop:
 
 
 @dataclass
-class _Runner:
-    """Runs trial n with every arm; robots are made on first use, so that each process has its own."""
+class Runner:
+    """Runs trial n with any arm: its task, teacher and draws follow from `seed` and n alone.
+
+    Robots are made on first use, so that each process has its own. Raises ModelError for models with
+    different dt.
+    """
 
     world: World
-    arms: Mapping[str, TeacherModel]
+    arms: Mapping[str, Design]
     truths: tuple[TeacherModel, ...]
-    horizon: int
     seed: int
     threshold: float
     max_steps: int
-    robots: dict[str, Any] = field(default_factory=dict)
+    robots: dict[str, Robot] = field(default_factory=dict)
 
-    def _robot(self, arm: str) -> Any:
-        from taskcomm.planner import EntropyPlanner
-        from taskcomm.robot import Robot
+    def __post_init__(self) -> None:
+        steps = sorted({model.dt for model in (*(arm.model for arm in self.arms.values()), *self.truths)})
+        if len(steps) > 1:
+            raise ModelError(f"dt: the closed loop has models with {', '.join(f'{dt:g} s' for dt in steps)}")
 
+    @property
+    def dt(self) -> float:
+        """Length of a time step in seconds, the same in all models."""
+        return self.truths[0].dt
+
+    def planner(self, arm: str) -> EntropyPlanner:
+        """A new planner for the robot of an arm."""
+        return EntropyPlanner(self.world, self.arms[arm].model, horizon=self.arms[arm].horizon)
+
+    def robot(self, arm: str) -> Robot:
+        """The robot of an arm, the same one in every trial."""
         if arm not in self.robots:
-            model = self.arms[arm]
-            planner = EntropyPlanner(self.world, model, horizon=self.horizon)
-            self.robots[arm] = Robot(self.world, model, planner=planner, threshold=self.threshold)
+            model, deadline = self.arms[arm].model, self.arms[arm].deadline
+            planner = Remembering(self.planner(arm))  # all trials begin alike
+            self.robots[arm] = Robot(self.world, model, planner, self.threshold, deadline=deadline)
         return self.robots[arm]
+
+    def memory(self, arm: str) -> Remembering:
+        """What the robot of an arm decided in its last trial, and remembers."""
+        planner = self.robot(arm).planner
+        assert isinstance(planner, Remembering)
+        return planner
 
     def warm_up(self) -> None:
         """Compile the search here, once, and not in every process."""
-        from taskcomm.planner import EntropyPlanner
+        self.planner(next(iter(self.arms))).warm_up()
 
-        EntropyPlanner(self.world, next(iter(self.arms.values()))).warm_up()
+    def group(self, index: int) -> int:
+        """The simulated teacher of a trial: people take turns; a single truth is a new person each time."""
+        return index % len(self.truths) if len(self.truths) > 1 else index
 
-    def __call__(self, index: int) -> list[Outcome]:
-        from taskcomm.simulate import SimulatedTeacher, run_trial
-
+    def trial(self, arm: str, index: int) -> Trial:
+        """Trial `index` of an arm."""
         task_draws = np.random.default_rng([self.seed, index, 1])
         task = self.world.tasks[int(task_draws.integers(len(self.world.tasks)))]
-        truth = self.truths[index % len(self.truths)]
-        outcomes = []
-        for arm, model in self.arms.items():
-            teacher = SimulatedTeacher(self.world, truth, task)
-            rng = np.random.default_rng([self.seed, index, 2])  # the same luck for every arm
-            trial = run_trial(self._robot(arm), teacher, rng, max_steps=self.max_steps)
-            outcomes.append(outcome_of(trial, model))
-        return outcomes
+        teacher = SimulatedTeacher(self.world, self.truths[index % len(self.truths)], task)
+        rng = np.random.default_rng([self.seed, index, 2])  # the same luck for every arm
+        return run_trial(self.robot(arm), teacher, rng, max_steps=self.max_steps)
+
+    def __call__(self, index: int) -> list[Outcome]:
+        return [outcome_of(self.trial(arm, index), design.model) for arm, design in self.arms.items()]
 
 
 def outcome_of(trial: Trial, model: TeacherModel) -> Outcome:
@@ -165,7 +202,7 @@ def outcome_of(trial: Trial, model: TeacherModel) -> Outcome:
 
 def run_closed_loop(
     world: World,
-    arms: Mapping[str, TeacherModel],
+    arms: Mapping[str, TeacherModel | Design],
     truth: TeacherModel | Sequence[TeacherModel],
     trials: int,
     *,
@@ -178,22 +215,19 @@ def run_closed_loop(
 ) -> ClosedLoop:
     """Run every arm's robot on the same `trials` teaching trials with simulated teachers.
 
-    Trial n has one task and one stream of uniforms, whatever the arm (common random numbers), and a
+    An arm is a teacher model, whose robot looks `horizon` steps ahead, or a `Design`, which says that
+    itself. Trial n has one task and one stream of uniforms, whatever the arm (common random numbers), and a
     teacher with the model `truth`, or the n-th of several, in turn. The result does not depend on
-    `jobs`, the number of processes. Raises ValueError for no arms, no truth or no trials, ModelError for
-    models with different dt.
+    `jobs`, the number of processes, but for arms with a deadline. Raises ValueError for no arms, no truth
+    or no trials, ModelError for models with different dt.
     """
     truths = (truth,) if isinstance(truth, TeacherModel) else tuple(truth)
     if not arms or not truths or trials < 1:
         raise ValueError(
             f"closed loop: {len(arms)} arms, {len(truths)} truths, {trials} trials; all need one"
         )
-    steps = {model.dt for model in (*arms.values(), *truths)}
-    if len(steps) > 1:
-        raise ModelError(
-            f"dt: the closed loop has models with {', '.join(f'{dt:g} s' for dt in sorted(steps))}"
-        )
-    runner = _Runner(world, dict(arms), truths, horizon, seed, threshold, max_steps)
+    designs = {name: arm if isinstance(arm, Design) else Design(arm, horizon) for name, arm in arms.items()}
+    runner = Runner(world, designs, truths, seed, threshold, max_steps)
     if jobs > 1:
         runner.warm_up()
     results = map_in_order(runner, range(trials), jobs, progress)
@@ -203,9 +237,10 @@ def run_closed_loop(
         "seed": seed,
         "threshold": threshold,
         "max_steps": max_steps,
-        "arms": {arm: model.sha256 for arm, model in arms.items()},
+        "arms": {name: design.model.sha256 for name, design in designs.items()},
+        "horizons": {name: design.horizon for name, design in designs.items()},
+        "deadlines": {name: design.deadline for name, design in designs.items()},
         "truths": [model.sha256 for model in truths],
     }
-    groups = tuple(n % len(truths) if len(truths) > 1 else n for n in range(trials))
-    outcomes = {arm: tuple(result[place] for result in results) for place, arm in enumerate(arms)}
-    return ClosedLoop(outcomes, groups, steps.pop(), settings)
+    outcomes = {name: tuple(result[place] for result in results) for place, name in enumerate(designs)}
+    return ClosedLoop(outcomes, tuple(map(runner.group, range(trials))), runner.dt, settings)

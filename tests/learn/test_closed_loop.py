@@ -8,7 +8,7 @@ import pytest
 from tinyworld import menu
 
 from learn.calibration import calibration
-from learn.closed_loop import ClosedLoop, Outcome, outcome_of, run_closed_loop
+from learn.closed_loop import ClosedLoop, Design, Outcome, outcome_of, run_closed_loop
 from learn.decisions import disagreement
 from taskcomm.belief import Belief
 from taskcomm.planner import EntropyPlanner
@@ -82,6 +82,17 @@ def test_robots_of_the_ball_world_run_too() -> None:
     loop = run_closed_loop(BallWorld(2, 2), {"a": model}, model, 2, horizon=3, max_steps=40, jobs=1)
     assert all(len(outcome.entropy) == outcome.steps + 1 for outcome in loop.outcomes["a"])
     assert (loop.presses("a") > 0).any()
+
+
+def test_arms_may_differ_in_how_far_they_look() -> None:
+    arms = {"near": Design(EAGER, 1), "far": Design(EAGER, 3), "timed": Design(EAGER, 3, deadline=1000.0)}
+    loop = run_closed_loop(WORLD, arms, LAZY, 6, jobs=1)
+    for arm, horizon in (("near", 1), ("far", 3), ("timed", 3)):
+        alone = run_closed_loop(WORLD, {arm: EAGER}, LAZY, 6, horizon=horizon, jobs=1)
+        assert all(same(a, b) for a, b in zip(loop.outcomes[arm], alone.outcomes[arm], strict=True))
+    assert not all(same(a, b) for a, b in zip(loop.outcomes["near"], loop.outcomes["far"], strict=True))
+    assert loop.settings["horizons"] == {"near": 1, "far": 3, "timed": 3}
+    assert loop.settings["deadlines"] == {"near": None, "far": None, "timed": 1000.0}
 
 
 def test_what_cannot_run_is_refused() -> None:
