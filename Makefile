@@ -8,7 +8,7 @@ READY := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint types layers check verify bench bench-planner bench-planner-peers clean
+.PHONY: help setup demo test lint types layers check verify bench bench-planner bench-planner-peers study-horizons clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):[^#]*## */\1\t/' | expand -t 21
@@ -54,6 +54,9 @@ bench-planner: $(READY)  ## the search against a plain compiled tree, by horizon
 
 bench-planner-peers: $(READY)  ## pymdp and pomdp-py, in environments of their own, on what they can express
 	PYTHONPATH=tests $(BIN)/python -m benchmarks.planner.peers
+
+study-horizons: $(READY)  ## does looking further help? hours; goes on where it was stopped; ARGS="--minutes 60"
+	$(BIN)/python -m learn.horizons --out build/study-horizons $(ARGS)
 
 clean:  ## remove .venv and everything made
 	rm -rf $(VENV) demo-results build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis \
