@@ -83,6 +83,18 @@ def assert_complete(graph: WorldGraph, state: Any, depth: int) -> None:
                 assert graph.climb[row] == pytest.approx(climb, abs=1e-12)
                 assert (graph.run[row] == run).all()
             near |= {state: graph.node(state) for state in successors}
+    assert_tidy(graph)
+
+
+def assert_tidy(graph: WorldGraph) -> None:
+    """Every row belongs to one node and one number of steps, and row 0 to none."""
+    steps = np.arange(1, graph.horizon + 1)
+    assert ((graph.slot[:, 1:] > 0) == (steps <= graph.depth[:, None])).all()
+    assert not graph.slot[:, 0].any()
+    taken = graph.slot[graph.slot > 0]
+    assert len(np.unique(taken)) == len(taken)
+    expanded = np.flatnonzero(graph.count)
+    assert len(np.unique(graph.first[expanded])) == len(expanded)
     for pool in (graph.reach, graph.climb, graph.run):
         assert not pool[0].any()
 
@@ -125,6 +137,17 @@ def test_whatever_was_dropped_or_broken_off_before_what_is_grown_is_complete(
             assert_complete(graph, state, depth)
     assert graph.grow(state, 3) is not None
     assert_complete(graph, state, 3)
+
+
+@pytest.mark.parametrize("memory", range(40_000, 80_000, 3_000))
+def test_wherever_in_growing_the_memory_is_full_what_is_grown_is_complete(memory: int) -> None:
+    world, model = plane(num_tasks=2)
+    graph, state = graph_of(world, model, 3, memory=memory), world.start()
+    for step in range(25):
+        assert graph.grow(state, 3) is not None
+        assert_complete(graph, state, 3)
+        for _ in range(1 + step % 3):
+            state = world.step(state, world.actions(state)[1 if step % 4 else -1])
 
 
 def march(graph: WorldGraph, steps: int, depth: int) -> tuple[Any, set[Hashable]]:
