@@ -34,20 +34,26 @@ def fill(nodes, rows, steps, first, count, successor, pattern, pays, slot, reach
     tasks = pattern.shape[1]
     for i in range(len(nodes)):
         node, row = nodes[i], rows[i]
-        reach[row], climb[row], differ[:] = 0, -np.inf, False
+        can, most, number = reach[row], climb[row], run[row]
+        can[:], most[:], differ[:] = 0, -np.inf, 0
         for at in range(first[node], first[node] + count[node]):
             reached = successor[at]
             before = slot[reached, steps - 1]
-            shown, number = pattern[reached, 0], run[before, 0]
+            shown, can_later, later, number_later = (
+                pattern[reached],
+                reach[before],
+                climb[before],
+                run[before],
+            )
+            for t in range(tasks):  # three loops, since the compiler makes vector code of each
+                can[t] |= shown[t] | can_later[t]
             for t in range(tasks):
-                differ[t] |= pattern[reached, t] != shown or run[before, t] != number
-                shown, number = pattern[reached, t], run[before, t]
-                reach[row, t] |= shown | reach[before, t]
-                climb[row, t] = max(climb[row, t], pays[shown] + climb[before, t])
-        number = 0
-        for t in range(tasks):
-            number += differ[t]
-            run[row, t] = number
+                most[t] = max(most[t], pays[shown[t]] + later[t])
+            for t in range(1, tasks):
+                differ[t] |= (shown[t] ^ shown[t - 1]) | (number_later[t] ^ number_later[t - 1])
+        number[0] = 0
+        for t in range(1, tasks):
+            number[t] = number[t - 1] + (differ[t] != 0)
         slot[node, steps] = row
 
 

@@ -225,10 +225,8 @@ class BallWorld:
         lit, held, placements, _ = state
         if name == "noa" or ball is None:
             return BallState(lit, held, placements)
-        if name == "light_on":
-            return BallState(lit | {ball}, held, placements)
-        if name == "light_off":
-            return BallState(lit - {ball}, held, placements)
+        if name == "light_on" or name == "light_off":
+            return BallState(_toggled(lit, ball), held, placements)
         if name == "pick_up":
             return BallState(lit, ball, placements)
         if name == "release":
@@ -269,6 +267,17 @@ class BallWorld:
     def cues(self, state: BallState) -> NDArray[np.bool_]:
         """Which cue is on under which task, shape (7, tasks), rows as `cue_names`; read-only."""
         return _cues(self, state)
+
+
+@lru_cache(maxsize=1 << 14)
+def _toggled(lit: frozenset[int], ball: int) -> frozenset[int]:
+    """The balls lit when the light of one has changed; equal sets are one object, to save memory."""
+    return _only(lit ^ {ball})
+
+
+@lru_cache(maxsize=1 << 14)
+def _only(lit: frozenset[int]) -> frozenset[int]:
+    return lit
 
 
 @lru_cache(maxsize=1 << 12)

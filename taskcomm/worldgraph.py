@@ -1,8 +1,10 @@
 """World states interned to numbers: successors, cue patterns and outlooks as arrays, bounded in memory."""
 
+import gc
 import math
 import time
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 from typing import Any
 
@@ -75,7 +77,7 @@ class WorldGraph:
         self.world, self.cue, self.worth, self.horizon, self.memory = world, cue, worth, horizon, memory
         patterns = np.arange(1 << len(cue))[:, None]
         self._pays = (patterns >> np.arange(len(cue)) & 1) @ worth
-        self._differ = np.zeros(len(world.tasks), dtype=np.bool_)
+        self._differ = np.zeros(len(world.tasks), dtype=np.uint16)
         self.most, self._width = 0, 2 * len(world.actions(world.start()))
         self._empty()
 
@@ -140,8 +142,9 @@ class WorldGraph:
         dropped = False
         while True:
             try:
-                root = self.node(state)
-                return root if self._grown(root, depth, until) else None
+                with _no_collections():
+                    root = self.node(state)
+                    return root if self._grown(root, depth, until) else None
             except _Narrow as narrow:
                 self._width = 2 * narrow.args[0]
                 self._empty()
@@ -288,3 +291,17 @@ class WorldGraph:
         graph = self.first, self.count, self.depth, self.slot
         ends = kernels.cut(self.distance[:used], keep, *graph, *freed)
         return [numbers[:end] for numbers, end in zip(freed, ends, strict=True)]
+
+
+@contextmanager
+def _no_collections() -> Iterator[None]:
+    """Pause the garbage collector: growing makes no garbage, and a full collection takes longer the more
+    states there are, more than a deadline can spare.
+    """
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
