@@ -1,16 +1,11 @@
-"""The planner never crashes: boundary checks, no cache folder, threads, and a quick start.
+"""The planner works without a folder for compiled code, in several threads, and starts quickly."""
 
-Whatever needs a process of its own runs in one, with no folder for compiled code but those it is given.
-"""
-
-import os
 import shutil
-import subprocess
-import sys
 import threading
 from pathlib import Path
 
 import pytest
+from newprocess import run
 
 import taskcomm
 from taskcomm.belief import Belief
@@ -18,7 +13,6 @@ from taskcomm.planner import Decision, EntropyPlanner
 from taskcomm.teacher import TeacherModel
 from taskcomm.world import BallWorld
 
-ROOT = Path(__file__).parents[2]
 PACKAGE = Path(taskcomm.__file__).parent
 START_UP = 2.0  # seconds of processor time
 
@@ -31,77 +25,6 @@ world, model = BallWorld(), TeacherModel.intuitive()
 decision = EntropyPlanner(world, model).plan(Belief.initial(world, model), world.start())
 print(Path(taskcomm.__file__).parent, decision.action, round(decision.value, 6), time.process_time())
 """
-
-
-def run(script: str, path: Path = ROOT, **settings: str) -> subprocess.CompletedProcess[str]:
-    """`script` in a new process that finds the package in the folder `path`; warnings are errors."""
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("NUMBA_", "PYTHON"))}
-    kept["PYTHONPATH"] = os.pathsep.join([str(path), str(ROOT / "tests")])
-    command = [sys.executable, "-P", "-W", "error", "-c", script]
-    return subprocess.run(command, env=kept | settings, capture_output=True, text=True, timeout=600)
-
-
-CHECKED = """
-from collections import Counter
-import numpy as np
-from decisions import Family, compare, group
-from teachers import large_world, paper_world, small_world, tiny_world, wide_world
-from taskcomm.compiling import kernel
-from taskcomm.planner import EntropyPlanner
-
-@kernel(__name__, "a check", error_model="numpy")
-def at(array, index):
-    return array[index]
-
-def refused(call):
-    try:
-        call()
-    except IndexError:
-        return True
-    return False
-
-assert refused(lambda: at(np.zeros(3), 3)), "boundaries are not checked"
-
-families = (
-    Family(1, large_world, groups=60, beliefs=3, rows=5000),
-    Family(1, wide_world, groups=30, beliefs=3, rows=4000),
-    Family(2, large_world, groups=60, beliefs=3, rows=400),
-    Family(2, large_world, groups=20, beliefs=3, rows=600, presses=12),
-    Family(2, wide_world, groups=20, beliefs=3, rows=200),
-    Family(3, small_world, groups=60, beliefs=3, rows=100),
-    Family(3, large_world, groups=10, beliefs=3, rows=80),
-    Family(3, small_world, groups=20, beliefs=3, rows=300, presses=10),
-    Family(4, tiny_world, groups=60, beliefs=3, rows=40),
-    Family(5, tiny_world, groups=10, beliefs=3, rows=20),
-)
-total, groups = Counter(), 0
-for family in families:
-    for seed in range(1 << 30, (1 << 30) + family.groups):  # seeds of their own
-        total += compare(family, seed)
-        groups += 1
-rng = np.random.default_rng(3)
-for seed in range(40):  # cut off anywhere, in little memory, at horizons that are not reached
-    of = group(Family(12, large_world, groups=40, beliefs=6, rows=2000), seed)
-    planner = EntropyPlanner(of.world, of.model, 12, gamma=of.gamma, memory=1 << 22)
-    for _, belief, state in of.situations:
-        planner.plan(belief, state, deadline=float(rng.uniform(0.001, 0.1)))
-        total["cut off"] += 1
-
-of = group(Family(3, small_world, groups=1, beliefs=1, rows=100), 0)
-[(_, belief, state)] = of.situations
-planner = EntropyPlanner(of.world, of.model, 3)
-planner.plan(belief, state)
-planner._graph.successor = planner._graph.successor[:1].copy()
-assert refused(lambda: planner.plan(belief, state)), "the search is not checked"
-print(groups, total["decisions"], total["cut off"])
-"""
-
-
-@pytest.mark.verify
-def test_no_kernel_leaves_its_arrays_over_hundreds_of_worlds_and_models(tmp_path: Path) -> None:
-    done = run(CHECKED, NUMBA_BOUNDSCHECK="1", NUMBA_CACHE_DIR=str(tmp_path))
-    assert done.returncode == 0, done.stderr[-4000:]
-    assert done.stdout.split() == ["350", "1050", "240"]
 
 
 @pytest.mark.verify
