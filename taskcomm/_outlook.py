@@ -1,11 +1,23 @@
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
-"""The compiled part of the world graph: walking it, and what the coming steps can show."""
+"""The compiled part of the world graph: patterns, distances, and what the coming steps can show."""
 
 import numpy as np
 
 from taskcomm.compiling import kernel
 
 _kernel = kernel(__name__, "the planner's world graph", error_model="numpy")
+
+
+@_kernel
+def lay(shown, nodes, pattern):
+    """The patterns of nodes from what each shows, (nodes, approvals, tasks)."""
+    for i in range(len(nodes)):
+        row = pattern[nodes[i]]
+        row[:] = 0
+        for m in range(shown.shape[1]):
+            on = shown[i, m]
+            for t in range(len(row)):
+                row[t] |= on[t] << m
 
 
 @_kernel

@@ -200,42 +200,43 @@ class BallWorld:
             actions += self._slides(state, ball)
         return tuple(actions)
 
-    def _allows(self, state: BallState, action: Action) -> bool:
-        """Whether the action is one of `actions(state)`."""
-        name, ball, distance, reference = action.name, action.ball, action.distance, action.reference
-        if ball is None:
-            return name == "noa"
-        if ball > self.num_balls:
-            return False
-        if name == "light_on" or name == "light_off":
-            return (ball in state.lit) == (name == "light_off")
-        if name == "pick_up" or name == "release":
-            return state.held == (None if name == "pick_up" else ball)
-        if distance is None or reference is None or not reference <= self.num_balls or reference == ball:
-            return False
-        at = self.distance(state, ball, reference)
-        rests = self.slide_unheld and at <= self.num_distances
-        return (state.held == ball or rests) and distance <= self.num_distances and abs(distance - at) == 1
-
     def step(self, state: BallState, action: Action) -> BallState:
         """The state after `action`."""
-        if not isinstance(action, Action) or not self._allows(state, action):
+        after = self._after(state, action) if isinstance(action, Action) else None
+        if after is None:
             raise InvalidAction(f"{action} is not valid in {state}")
+        return after
+
+    def _after(self, state: BallState, action: Action) -> BallState | None:
+        """The state after `action`; None if it is not one of `actions(state)`."""
         name, ball = action.name, action.ball
         lit, held, placements, _ = state
-        if name == "noa" or ball is None:
+        if ball is None:
             return BallState(lit, held, placements)
+        if ball > self.num_balls:
+            return None
         if name == "light_on" or name == "light_off":
-            return BallState(_toggled(lit, ball), held, placements)
+            valid = (ball in lit) == (name == "light_off")
+            return BallState(_toggled(lit, ball), held, placements) if valid else None
+        if name == "slide":
+            return self._slid(state, ball, action.distance or 0, action.reference or 0)
         if name == "pick_up":
-            return BallState(lit, ball, placements)
-        if name == "release":
-            return BallState(lit, None, placements)
-        if action.distance is None or action.reference is None:  # a slide has both
-            raise InvalidAction(f"{action} lacks a distance or a reference")
-        change = action.distance - self.distance(state, ball, action.reference)
-        moved = [None if p is not None and p[0] == ball else p for p in placements]
-        moved[ball - 1] = (action.reference, action.distance)
+            return BallState(lit, ball, placements) if held is None else None
+        return BallState(lit, None, placements) if held == ball else None
+
+    def _slid(self, state: BallState, ball: int, distance: int, reference: int) -> BallState | None:
+        """The state after a slide, None if it is not valid."""
+        lit, held, placements, _ = state
+        off = self.num_distances + 1
+        placement = placements[ball - 1]
+        at = placement[1] if placement and placement[0] == reference else off
+        change = distance - at
+        if not (1 <= reference <= self.num_balls and reference != ball and 1 <= distance < off):
+            return None
+        if abs(change) != 1 or not (held == ball or (self.slide_unheld and at < off)):
+            return None
+        moved = [None if p and p[0] == ball else p for p in placements]
+        moved[ball - 1] = (reference, distance)
         return BallState(lit, held, tuple(moved), (ball, change))
 
     def is_goal(self, state: BallState, task: Task) -> bool:
@@ -260,9 +261,8 @@ class BallWorld:
         )
 
     @cached_property
-    def _columns(self) -> tuple[NDArray[np.int64], ...]:
-        table = np.array(self.tasks, dtype=np.int64)
-        return table[:, 0], table[:, 1], table[:, 2]
+    def _movs_and_wrts(self) -> NDArray[np.int64]:
+        return np.array([[task.mov for task in self.tasks], [task.wrt for task in self.tasks]])
 
     def cues(self, state: BallState) -> NDArray[np.bool_]:
         """Which cue is on under which task, shape (7, tasks), rows as `cue_names`; read-only."""
@@ -282,40 +282,33 @@ def _only(lit: frozenset[int]) -> frozenset[int]:
 
 @lru_cache(maxsize=1 << 12)
 def _cues(world: BallWorld, state: BallState) -> NDArray[np.bool_]:
-    mov_lit, wrt_lit = _lit(world, state.lit)
-    near, at_dist, gap = _placed(world, state.placements)
-    mov = world._columns[0]
-    table = np.zeros((len(world.cue_names), len(mov)), dtype=np.bool_)
-    table[0], table[2], table[4], table[5] = mov_lit, at_dist, wrt_lit, near
-    if state.held:
-        np.equal(mov, state.held, out=table[3])
-        np.logical_and(table[3], wrt_lit, out=table[1])
-    if state.slid:
-        slid, change = state.slid
-        table[6] = near & (mov == slid) & (np.abs(gap) < np.abs(gap - change))
+    lit, held, placements, slid = state
+    distances = world.num_distances
+    of_ball = (world.num_balls - 1) * distances  # the tasks of a ball stand together, by reference ball
+    table = np.zeros((7, world.num_balls * of_ball), dtype=np.bool_)
+    mov_lit, wrt_lit_while_held, at_dist, mov_held, wrt_lit, near, closing = table
+    mov_lit[:], wrt_lit[:] = _lit(world, lit)
+    if held:
+        own = slice((held - 1) * of_ball, held * of_ball)
+        mov_held[own], wrt_lit_while_held[own] = True, wrt_lit[own]
+    for ball, placement in enumerate(placements, start=1):
+        if placement:
+            reference, distance = placement
+            first = (ball - 1) * of_ball + (reference - 1 - (reference > ball)) * distances
+            near[first : first + distances] = at_dist[first + distance - 1] = True
+            if slid and slid[0] == ball:
+                gap = distance - np.arange(1, distances + 1)
+                closing[first : first + distances] = np.abs(gap) < np.abs(gap - slid[1])
     table.setflags(write=False)
     return table
 
 
-@lru_cache(maxsize=1 << 10)
-def _lit(world: BallWorld, balls: frozenset[int]) -> tuple[NDArray[np.bool_], ...]:
-    """Whether ball mov, and ball wrt, of each task is lit."""
-    mov, wrt, _ = world._columns
+@lru_cache(maxsize=1 << 12)
+def _lit(world: BallWorld, balls: frozenset[int]) -> NDArray[np.bool_]:
+    """By task: whether ball mov, and whether ball wrt, is lit."""
     lit = np.zeros(world.num_balls + 1, dtype=np.bool_)
     lit[list(balls)] = True
-    return lit[mov], lit[wrt]
-
-
-@lru_cache(maxsize=1 << 10)
-def _placed(
-    world: BallWorld, placements: tuple[tuple[int, int] | None, ...]
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.int64]]:
-    """By task: whether ball mov is placed near wrt, whether at dist from it, and its distance less dist."""
-    mov, wrt, dist = world._columns
-    reference = np.array([0] + [p[0] if p else 0 for p in placements])
-    gap = np.array([0] + [p[1] if p else 0 for p in placements])[mov] - dist
-    near = reference[mov] == wrt
-    return near, near & (gap == 0), gap
+    return lit[world._movs_and_wrts]
 
 
 def is_goal(world: World, state: Hashable, task: Hashable) -> bool:

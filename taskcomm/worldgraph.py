@@ -247,10 +247,7 @@ class WorldGraph:
                 numbers.append(number)
         finally:
             if new:
-                packed = np.packbits(np.stack(shown[: len(new)]), axis=1, bitorder="little")
-                self.pattern[new] = packed[:, 0]
-                if packed.shape[1] > 1:
-                    self.pattern[new] |= packed[:, 1].astype(np.uint16) << 8
+                self._kernels.lay(np.stack(shown[: len(new)]), np.array(new), self.pattern)
         return numbers
 
     def _added(self, state: Hashable) -> int:
