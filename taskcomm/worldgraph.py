@@ -142,7 +142,7 @@ class WorldGraph:
         dropped = False
         while True:
             try:
-                with _no_collections():
+                with no_collections():
                     root = self.node(state)
                     return root if self._grown(root, depth, until) else None
             except _Narrow as narrow:
@@ -291,7 +291,7 @@ class WorldGraph:
 
 
 @contextmanager
-def _no_collections() -> Iterator[None]:
+def no_collections() -> Iterator[None]:
     """Pause the garbage collector: growing makes no garbage, and a full collection takes longer the more
     states there are, more than a deadline can spare.
     """

@@ -1,5 +1,6 @@
 """The world graph equals the enumeration of all paths, whatever was dropped before, in bounded memory."""
 
+import gc
 import tracemalloc
 from collections.abc import Hashable, Iterator
 from types import SimpleNamespace
@@ -211,3 +212,20 @@ def test_a_trial_with_little_memory_has_the_decisions_of_one_with_much() -> None
         state = world.step(state, decision.action if rng.random() < 0.6 else action)
         belief = belief.update(state, bool(rng.random() < belief.press_probability(state)))
     assert len(much._graph.states) > 2 * len(little._graph.states)
+
+
+def test_the_garbage_collector_waits_while_the_graph_grows_and_no_longer() -> None:
+    collects: list[bool] = []
+
+    class Watched(Plane):
+        def step(self, state: tuple[int, int], action: tuple[int, int]) -> tuple[int, int]:
+            collects.append(gc.isenabled())
+            return super().step(state, action)
+
+    model = plane()[1]
+    graph_of(Watched(), model, 2).grow((0, 0), 2)
+    with pytest.raises(MemoryError):
+        graph_of(Watched(), model, 2, memory=2000).grow((0, 0), 2)
+    assert collects
+    assert not any(collects)
+    assert gc.isenabled()
