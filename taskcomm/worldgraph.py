@@ -92,7 +92,7 @@ class WorldGraph:
         self._free_links: list[int] = []
         self._root, self._layers = -1, [np.zeros(0, dtype=np.int32)]
         self._reserved = 0
-        self._reserve(self.memory // 64)
+        self._reserve(max(1, self.memory // 64))
 
     def _reserve(self, memory: int) -> None:
         """Make the arrays as large as `memory` bytes allow, what they hold being kept."""
@@ -135,7 +135,8 @@ class WorldGraph:
         """The node of `state`, everything less than `depth` steps from it expanded and its outlook filled.
 
         None if `until` (on the clock of time.perf_counter) came first, or all this does not fit into the
-        memory; what was done is kept. Without `until` the latter is a MemoryError.
+        memory; what was done is kept. Without `until` the latter is a MemoryError. A state without actions
+        is a ValueError.
         """
         if not 0 <= depth <= self.horizon:
             raise ValueError(f"depth must lie in 0 to the graph's horizon {self.horizon}, not {depth!r}")

@@ -194,8 +194,9 @@ def test_a_memory_too_small_is_one_clear_error_and_with_a_deadline_a_shorter_hor
     assert 1 <= decision.horizon < 5
     whole = EntropyPlanner(world, model, decision.horizon).plan(belief, state)
     assert (decision.action, decision.values) == (whole.action, whole.values)
-    with pytest.raises(MemoryError, match="within 1 steps"):
-        EntropyPlanner(world, model, 5, memory=1).plan(belief, state, deadline=1.0)
+    for hardly_any in (1, 64, 2000):
+        with pytest.raises(MemoryError, match="within 1 steps"):
+            EntropyPlanner(world, model, 5, memory=hardly_any).plan(belief, state, deadline=1.0)
     with pytest.raises(ValueError, match="memory"):
         EntropyPlanner(world, model, 5, memory=0)
 
@@ -229,3 +230,20 @@ def test_the_garbage_collector_waits_while_the_graph_grows_and_no_longer() -> No
     assert collects
     assert not any(collects)
     assert gc.isenabled()
+
+
+def test_a_world_without_actions_or_with_too_many_tasks_or_cues_is_named() -> None:
+    world, model = plane()
+
+    class Stuck(Plane):
+        def actions(self, state: tuple[int, int]) -> tuple[tuple[int, int], ...]:
+            return super().actions(state) if state == (0, 0) else ()
+
+    with pytest.raises(ValueError, match=r"no action is valid in \(1, 0\)"):
+        graph_of(Stuck(), model, 3).grow((0, 0), 3)
+    with pytest.raises(ValueError, match="65536 tasks"):
+        graph_of(Plane(num_tasks=65537), model, 3)
+    with pytest.raises(ValueError, match="16 approval states"):
+        graph_of(*plane(num_cues=17), 3)
+    with pytest.raises(ValueError, match="horizon 3"):
+        graph_of(world, model, 3).grow((0, 0), 4)
