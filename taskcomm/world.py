@@ -283,32 +283,34 @@ def _only(lit: frozenset[int]) -> frozenset[int]:
 @lru_cache(maxsize=1 << 12)
 def _cues(world: BallWorld, state: BallState) -> NDArray[np.bool_]:
     lit, held, placements, slid = state
+    table = _cues_of_hand_and_lights(world, lit, held).copy()
     distances = world.num_distances
-    of_ball = (world.num_balls - 1) * distances  # the tasks of a ball stand together, by reference ball
-    table = np.zeros((7, world.num_balls * of_ball), dtype=np.bool_)
-    mov_lit, wrt_lit_while_held, at_dist, mov_held, wrt_lit, near, closing = table
-    mov_lit[:], wrt_lit[:] = _lit(world, lit)
-    if held:
-        own = slice((held - 1) * of_ball, held * of_ball)
-        mov_held[own], wrt_lit_while_held[own] = True, wrt_lit[own]
     for ball, placement in enumerate(placements, start=1):
         if placement:
             reference, distance = placement
-            first = (ball - 1) * of_ball + (reference - 1 - (reference > ball)) * distances
-            near[first : first + distances] = at_dist[first + distance - 1] = True
+            others = (ball - 1) * (world.num_balls - 1) + reference - 1 - (reference > ball)
+            first = others * distances  # the tasks of a ball and a reference ball stand together
+            table[2, first + distance - 1] = table[5, first : first + distances] = True
             if slid and slid[0] == ball:
-                gap = distance - np.arange(1, distances + 1)
-                closing[first : first + distances] = np.abs(gap) < np.abs(gap - slid[1])
+                table[6, first : first + distances] = _closing(distances, distance, slid[1])
     table.setflags(write=False)
     return table
 
 
-@lru_cache(maxsize=1 << 12)
-def _lit(world: BallWorld, balls: frozenset[int]) -> NDArray[np.bool_]:
-    """By task: whether ball mov, and whether ball wrt, is lit."""
-    lit = np.zeros(world.num_balls + 1, dtype=np.bool_)
-    lit[list(balls)] = True
-    return lit[world._movs_and_wrts]
+@lru_cache(maxsize=1 << 10)
+def _cues_of_hand_and_lights(world: BallWorld, lit: frozenset[int], held: int | None) -> NDArray[np.bool_]:
+    mov, wrt = world._movs_and_wrts
+    on = np.zeros(world.num_balls + 1, dtype=np.bool_)
+    on[list(lit)] = True
+    is_held, off = mov == (held or 0), np.zeros(len(mov), dtype=np.bool_)
+    return np.stack([on[mov], is_held & on[wrt], off, is_held, on[wrt], off, off])
+
+
+@lru_cache(maxsize=1 << 10)
+def _closing(distances: int, distance: int, change: int) -> NDArray[np.bool_]:
+    """By the distance asked for: whether a slide to `distance` by `change` came nearer to it."""
+    gap = distance - np.arange(1, distances + 1)
+    return np.asarray(np.abs(gap) < np.abs(gap - change))
 
 
 def is_goal(world: World, state: Hashable, task: Hashable) -> bool:
