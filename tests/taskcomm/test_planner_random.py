@@ -16,8 +16,9 @@ QUICK = (
     Family(1, wide_world, groups=4, beliefs=8, rows=2000),
     Family(2, large_world, groups=6, beliefs=8, rows=400),
     Family(2, large_world, groups=4, beliefs=8, rows=600, presses=12),
-    Family(3, small_world, groups=10, beliefs=8, rows=100),
-    Family(4, tiny_world, groups=6, beliefs=8, rows=40),
+    Family(3, small_world, groups=16, beliefs=8, rows=100),
+    Family(3, tiny_world, groups=6, beliefs=8, rows=300, presses=10),
+    Family(4, tiny_world, groups=10, beliefs=8, rows=40),
     Family(5, tiny_world, groups=2, beliefs=8, rows=20),
 )
 LONG = (
@@ -30,12 +31,15 @@ LONG = (
     Family(3, small_world, groups=160, beliefs=16, rows=150),
     Family(3, large_world, groups=40, beliefs=8, rows=80),
     Family(3, small_world, groups=60, beliefs=16, rows=600, presses=10),
+    Family(3, paper_world, groups=20, beliefs=16, rows=100),
+    Family(3, paper_world, groups=10, beliefs=8, rows=400, presses=8),
     Family(4, tiny_world, groups=120, beliefs=16, rows=60),
     Family(4, tiny_world, groups=20, beliefs=8, rows=120, presses=10),
     Family(4, small_world, groups=30, beliefs=8, rows=40),
     Family(4, paper_world, groups=8, beliefs=8, rows=48),
     Family(5, tiny_world, groups=30, beliefs=8, rows=30),
     Family(5, small_world, groups=6, beliefs=4, rows=20),
+    Family(5, paper_world, groups=2, beliefs=4, rows=24),
 )
 FRESH = 1 << 20  # the seeds of the long families begin here, so that they repeat none of the quick ones
 PART = 10  # groups to a test
@@ -68,7 +72,7 @@ def test_decides_as_the_whole_tree_in_thousands_of_situations(family: Family, fi
 
 
 def test_there_are_hundreds_of_quick_comparisons() -> None:
-    assert sum(family.groups * family.beliefs for family in QUICK) >= 300
+    assert sum(family.groups * family.beliefs for family in QUICK) >= 400
 
 
 @pytest.mark.verify
