@@ -1,9 +1,12 @@
 # mypy: disable-error-code="no-untyped-call"
 """How kernels are compiled: once per machine, and whoever waits is told so."""
 
+import hashlib
 import logging
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 from numba import njit
@@ -44,8 +47,23 @@ _announcer = _Announcer()
 event.register("numba:compile", _announcer)
 
 
+@cache
+def _sources(folder: Path) -> str:
+    """A digest of all kernels in a folder (`_*.py`): a kernel is compiled together with those it calls."""
+    digest = hashlib.sha256()
+    for path in sorted(folder.glob("_[a-z]*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
 class _Cache(FunctionCache):
-    """numba's cache of one function, that is done without where it cannot be read or written."""
+    """numba's cache of one function, that is done without where it cannot be read or written.
+
+    numba makes a function anew when its own file changes; here a change of any kernel beside it counts too.
+    """
+
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        return *super()._index_key(sig, codegen), _sources(Path(self._py_func.__code__.co_filename).parent)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:

@@ -5,11 +5,13 @@ import time
 
 import numpy as np
 
+from taskcomm import _arrays
+from taskcomm._arrays import Frames, Graph, Notes, Path, Rows, Teacher
 from taskcomm.belief import Belief
 from taskcomm.levels import Bools, Floats
 from taskcomm.worldgraph import WorldGraph
 
-SLICE = 400  # nodes between two looks at the clock: some milliseconds
+SLICE = 400  # nodes between two looks at the clock: about a millisecond
 UNBOUNDED = 1 << 62
 
 
@@ -17,8 +19,9 @@ class Search:
     """The compiled search from a belief at a node of the world graph; see `_search.search`.
 
     After `run`: `bound` (actions,) is Q_horizon where `exact` (actions,), else a lower bound on it, and
-    `at_most` an upper bound; `nodes` counts the nodes visited; `fits` is False where `capacity` rows were
-    too few. The graph must have been grown to `horizon`.
+    `at_most` an upper bound; `expected` (actions,) is C after the first step, and `told` (horizon,) the most
+    that each step can tell, in nats, for horizons of three steps and more; `nodes` counts the nodes visited;
+    `fits` is False where `capacity` rows were too few. The graph must have been grown to `horizon`.
     """
 
     def __init__(
@@ -33,49 +36,26 @@ class Search:
     ) -> None:
         from taskcomm import _search  # numba is loaded, and the kernel compiled, only when it is needed
 
-        p = belief.parameters
-        states, rows, most = len(p.peak), len(belief.task), graph.most
-        decays = bool(np.isfinite(p.decay).any())
-        capacity = max(capacity, rows * (states + 3))
-        task, row = np.zeros(capacity, dtype=np.int64), np.zeros((capacity, 2 + states * (1 + decays)))
-        task[:rows], row[:rows, _search.WEIGHT] = belief.task, belief.weight
-        row[:rows, _search.LEVEL : _search.LEVEL + states] = belief.level
-        if decays:
-            row[:rows, _search.LEVEL + states :] = belief.on_time
-        bits = (1 << np.arange(states)).astype(np.uint16)[None, :, None]
-        past = np.where(belief.seen, bits, np.uint16(0)).sum(axis=1).astype(np.uint16)
-        first = p.part_late * p.dt
-        last = p.dt - first
-        speeds = [last / p.rise, last / p.fall, first / p.rise, first / p.fall]
-        table = np.zeros((horizon, 4, most))
-        exact = np.zeros((horizon, most), dtype=np.bool_)
-        self.horizon, self.nodes, self.fits = horizon, 0, True
-        self._kernel, self._resume = _search.search, -1
-        self._arguments = (
-            np.column_stack([p.peak, *speeds, first, last, p.steps_late, p.decay, p.hold]),
-            p.mistake,
-            p.rest_steps,
+        number = len(belief.task)
+        teacher, path, frames = (
+            _teacher(belief),
+            _path(belief, root, horizon),
+            _frames(belief, graph, horizon),
+        )
+        rows = _rows(belief, max(capacity, number * (len(teacher.top) + 3)))
+        world = Graph(
             *(graph.first, graph.count, graph.successor, graph.pattern),
             *(graph.slot, graph.reach, graph.climb, graph.run),
-            past,
-            task,
-            row,
-            np.zeros((capacity, states, 2, 3)),
-            np.full(horizon + 1, root),
-            table,
-            exact,
-            np.zeros((horizon, most), dtype=np.int64),
-            np.zeros((horizon, len(belief.world.tasks) + 2, 11)),
-            np.zeros(len(past) + horizon, dtype=np.int64),
-            np.zeros((horizon, horizon, 7)),
-            np.zeros((horizon, 7)),
-            np.zeros((horizon, 7), dtype=np.int64),
-            *(rows, horizon, belief.since_press, belief.entropy(), slack, gamma),
         )
+        start = number, horizon, belief.since_press, belief.entropy(), slack, gamma
+        self.horizon, self.nodes, self.fits = horizon, 0, True
+        self._kernel, self._resume = _search.search, -1
+        self._arguments = teacher, world, path, rows, _notes(belief, horizon), frames, *start
         count = int(graph.count[root])
-        self.exact: Bools = exact[0, :count]
-        self.bound: Floats = table[0, _search.BOUND, :count]
-        self._silent, self._press = table[0, _search.SILENT, :count], table[0, _search.PRESS, :count]
+        self.exact: Bools = frames.exact[0, :count]
+        self.bound: Floats = frames.table[0, _arrays.BOUND, :count]
+        self.expected: Floats = frames.table[0, _arrays.EXPECTED, :count]
+        self.told: Floats = frames.gain[0, :, _arrays.INFORMATION]
         self._steps = sum(gamma**k for k in range(horizon))
 
     def run(self, until: float = math.inf) -> bool:
@@ -95,4 +75,61 @@ class Search:
     @property
     def at_most(self) -> Floats:
         """An upper bound on Q by action: no step to come raises the expected entropy."""
-        return np.asarray((self._silent + self._press) * self._steps, dtype=np.float64)
+        return np.asarray(self.expected * self._steps, dtype=np.float64)
+
+
+def _teacher(belief: Belief) -> Teacher:
+    p = belief.parameters
+    first = p.part_late * p.dt
+    last = p.dt - first
+    speeds = [last / p.rise, last / p.fall, first / p.rise, first / p.fall]
+    top = np.column_stack([p.peak, *speeds, first, last, p.steps_late, p.decay, p.hold])
+    return Teacher(top, p.mistake, p.rest_steps)
+
+
+def _path(belief: Belief, root: int, horizon: int) -> Path:
+    p = belief.parameters
+    bits = (1 << np.arange(len(p.peak))).astype(np.uint16)[None, :, None]
+    past = np.where(belief.seen, bits, np.uint16(0)).sum(axis=1).astype(np.uint16)
+    if not (p.steps_late.any() or p.part_late.any()):
+        past = past[-1:]  # nothing before is still to be seen
+    return Path(past, np.full(horizon + 1, root))
+
+
+def _rows(belief: Belief, capacity: int) -> Rows:
+    p, number = belief.parameters, len(belief.task)
+    states, decays = len(p.peak), bool(np.isfinite(p.decay).any())
+    task, row = np.empty(capacity, dtype=np.int64), np.empty((capacity, 2 + states * (1 + decays)))
+    task[:number], row[:number, _arrays.WEIGHT] = belief.task, belief.weight
+    row[:number, _arrays.LEVEL : _arrays.LEVEL + states] = belief.level
+    if decays:
+        row[:number, _arrays.LEVEL + states :] = belief.on_time
+    return Rows(task, row, np.empty((capacity, states, 2, 3)), np.empty((capacity, states, 2, 2, 2)))
+
+
+def _notes(belief: Belief, horizon: int) -> Notes:
+    tasks, columns = len(belief.world.tasks), _arrays.NEXT + 4 * len(belief.parameters.peak)
+    return Notes(
+        tasks=np.empty((horizon, tasks), dtype=np.int64),
+        begins=np.empty((horizon, tasks + 1), dtype=np.int64),
+        shown=np.empty(tasks, dtype=np.int64),
+        known=np.zeros((horizon, tasks, _arrays.ONCE), dtype=np.int64),
+        once=np.empty((horizon, tasks, _arrays.ONCE, columns)),
+        key=np.zeros((2, tasks, _arrays.TWICE), dtype=np.int64),
+        kept=np.empty((2, tasks, _arrays.TWICE, 2)),
+        usual=np.empty(tasks, dtype=np.int64),
+        probability=np.full(_arrays.ENTROPIES, -1),
+        entropy=np.empty(_arrays.ENTROPIES),
+    )
+
+
+def _frames(belief: Belief, graph: WorldGraph, horizon: int) -> Frames:
+    return Frames(
+        table=np.zeros((horizon, 3, graph.most)),
+        exact=np.zeros((horizon, graph.most), dtype=np.bool_),
+        order=np.zeros((horizon, graph.most), dtype=np.int64),
+        gain=np.zeros((horizon, horizon, 7)),
+        window=np.zeros(belief.seen.shape[0] + horizon, dtype=np.int64),
+        real=np.zeros((horizon, 8)),
+        whole=np.zeros((horizon + 1, 9), dtype=np.int64),
+    )

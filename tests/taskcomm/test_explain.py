@@ -112,7 +112,7 @@ def test_alternatives_are_all_other_actions_with_their_value_or_bound_and_gap() 
         assert {other.action for other in others} == set(oracle) - {decision.action}
         assert [other.value for other in others] == sorted(other.value for other in others)
         for other in others:
-            assert other.gap == other.value - decision.value
+            assert other.gap == max(0.0, other.value - decision.value)
             assert other.value <= oracle[other.action] + 1e-9
             assert not other.exact or other.value == pytest.approx(oracle[other.action], abs=1e-9)
         assert all(other.exact for other in others) or not exact_values

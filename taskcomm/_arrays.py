@@ -1,0 +1,107 @@
+"""The arrays that the compiled search works on, by what they are about.
+
+Numbers of tasks, world nodes, rows and depths of the search index them. Kernels change them in place, and
+make none: there is nothing to be counted or freed.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+WEIGHT, OWN, LEVEL = range(3)  # columns of Rows.row: the levels begin at LEVEL, the on-times after them
+PEAK, UP, DOWN, FIRST_UP, FIRST_DOWN, FIRST, LAST, LATE, DECAY, HOLD = range(10)  # columns of Teacher.top
+SILENT, PRESSED, YES, NO, NEXT = range(5)  # columns of Notes.once
+ONCE, TWICE, ENTROPIES = 8, 64, 1024  # patterns, pairs of patterns, and probabilities kept in Notes
+HIGHEST, OTHERS, BEST, INFORMATION, CAPACITY, REACHED, ALL = range(7)  # columns of Frames.gain
+EXPECTED, PRESSES, BOUND = range(3)  # rows of Frames.table[depth]
+COST, CUTOFF, SLACK, LEAST, ROOM, LEAST_PRESS, PRESS, VALUE = range(8)  # columns of Frames.real
+START, STOP, STEPS, SINCE, AT, PHASE, PRESS_STOP, GROUPS, STAMP = range(9)  # columns of Frames.whole
+
+
+class Teacher(NamedTuple):
+    """The model: `top[m]` is the table-top of approval m, `mu` P(mistake)."""
+
+    top: Floats
+    mu: float
+    rest_steps: int
+
+
+class Graph(NamedTuple):
+    """The world: `WorldGraph`, whose `count` is `choices` here."""
+
+    first: Ints
+    choices: Ints
+    successor: NDArray[np.int32]
+    pattern: NDArray[np.uint16]
+    slot: NDArray[np.int32]
+    reach: NDArray[np.uint16]
+    climb: Floats
+    run: NDArray[np.uint16]
+
+
+class Path(NamedTuple):
+    """`trail[d]` is the node at depth d; `past` the patterns shown before depth 0 and at it, newest last."""
+
+    past: NDArray[np.uint16]
+    trail: Ints
+
+
+class Rows(NamedTuple):
+    """The measures on the path, one after the other.
+
+    `row[r]` is (weight, own, levels, on-times) and `task[r]` its task; rows of one task are adjacent, and the
+    first of them has the task's `own`. `ahead[r, m, shown]` is (level, P(M = m), on-time) after a step
+    that shows the cue or does not; `second[r, m, shown, then, reset]` P(M = m) in the step after it,
+    `then` whether that shows the cue, `reset` whether M was m in the first.
+    """
+
+    task: Ints
+    row: Floats
+    ahead: Floats
+    second: Floats
+
+
+class Notes(NamedTuple):
+    """What the tasks of a belief do, worked out once.
+
+    Task number g of depth d is `tasks[d, g]` and has the rows from `begins[d, g]` to the next; `shown[g]` is
+    the pattern it sees now. `once[d, g, pattern]` is (weight without a press, weight with one, all of it
+    times s ln s and (1 - s) ln(1 - s) for the share s of presses; then by approval, by whether the second
+    step shows its cue, and by branch: the weight of P(M = m) in the second step). `kept[branch, g, pair of
+    patterns]` is (weight of a press in the second step, weight times its entropy). Both are found by the
+    lowest bits of the patterns, and hold where `known` and `key` say so. `usual[g]` is what the first action
+    shows in the second step. `entropy` is h2(`probability` / 2^44).
+    """
+
+    tasks: Ints
+    begins: Ints
+    shown: Ints
+    known: Ints
+    once: Floats
+    key: Ints
+    kept: Floats
+    usual: Ints
+    probability: Ints
+    entropy: Floats
+
+
+class Frames(NamedTuple):
+    """The stack of the search, by depth.
+
+    `table[d]` has C after each action, the mass of its press branch, and Q or a lower bound on it: Q where
+    `exact`. `order[d]` are the actions by that bound. `gain[d, k]` says what step k + 1 can tell at most;
+    `window` is room to find it. `real` and `whole` are what a frame remembers; the last row of `whole`
+    counts all frames.
+    """
+
+    table: Floats
+    exact: NDArray[np.bool_]
+    order: Ints
+    gain: Floats
+    window: Ints
+    real: Floats
+    whole: Ints
