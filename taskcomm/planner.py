@@ -10,11 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from taskcomm.belief import Belief
+from taskcomm.certificate import Certificate, Floats, Looked, certificate, enclosed, most_told
 from taskcomm.explain import Explanation, explanation
 from taskcomm.searching import Search
 from taskcomm.teacher import TeacherModel
 from taskcomm.world import World
-from taskcomm.worldgraph import WorldGraph
+from taskcomm.worldgraph import WorldGraph, no_collections
 
 TIE = 1e-9
 _SLACK = 2 * TIE
@@ -30,8 +31,9 @@ class Decision:
     the rest, `upper_bounds` upper ones. `ties` are the actions within 1e-9 of the least. `gap` is how far
     the next best action that is no tie lies above the least: exact where that action is in `values`, else
     at least this; infinite where there is none. `horizon` is how many steps were looked ahead; the action
-    is proven to be the best at that horizon. `nodes` counts beliefs whose actions were looked at;
-    `seconds` is wall time.
+    is proven to be the best at that horizon. `certificate` says how far from optimal it can be at the
+    planner's own horizon, where a deadline left it unfinished. `nodes` counts beliefs whose actions were
+    looked at; `seconds` is wall time.
     """
 
     action: Any
@@ -42,6 +44,7 @@ class Decision:
     horizon: int
     nodes: int
     upper_bounds: dict[Any, float] = field(default_factory=dict)
+    certificate: Certificate | None = None
     seconds: float = field(default=0.0, compare=False)
     asked: "_Asked | None" = field(default=None, repr=False, compare=False)
 
@@ -137,24 +140,31 @@ class EntropyPlanner:
         if belief.model != self.model or len(belief.world.tasks) != len(self.world.tasks):
             raise ValueError("the belief was made with another model or world than the planner")
         slack = np.inf if exact_values else _SLACK
-        search = None
-        for horizon in [self.horizon] if deadline is None else range(1, self.horizon + 1):
-            until = math.inf if deadline is None or horizon == 1 else started + deadline
-            deeper = self._search(belief, state, horizon, slack, until)
-            if deeper is None:
-                break
-            search = deeper
-        assert search is not None  # the first horizon has no deadline
-        return self._decision(search, tuple(self.world.actions(state)), _Asked(self, belief, state), started)
+        with no_collections():
+            looked: list[Looked] = []
+            done = None
+            for horizon in [self.horizon] if deadline is None else range(1, self.horizon + 1):
+                until = math.inf if deadline is None or horizon == 1 else started + deadline
+                search, ended = self._searched(belief, state, horizon, slack, until)
+                if search is not None:
+                    looked.append(_looked(search))
+                if not ended:
+                    break
+                done = search
+            assert done is not None  # the first horizon has no deadline
+            return self._decision(done, looked, belief, state, started)
 
     def _decision(
-        self, search: Search, actions: tuple[Any, ...], asked: "_Asked", started: float
+        self, search: Search, looked: list[Looked], belief: Belief, state: Hashable, started: float
     ) -> Decision:
+        """The decision of the last search that ended, certified by all that began."""
+        actions = tuple(self.world.actions(state))
         bound, exact = search.bound, search.exact
         least = float(bound[exact].min())
         tied = [a for a in range(len(actions)) if exact[a] and bound[a] <= least + TIE]
         others = [float(bound[a]) for a in range(len(actions)) if a not in tied]
         chosen = tied[0] if self.ties == "first" else tied[int(self._random.integers(len(tied)))]
+        lower, upper = self._enclosed(looked, belief, search.horizon == self.horizon)
         return Decision(
             action=actions[chosen],
             values={actions[a]: float(bound[a]) for a in np.flatnonzero(exact)},
@@ -164,9 +174,18 @@ class EntropyPlanner:
             gap=min(others, default=np.inf) - least,
             horizon=search.horizon,
             nodes=search.nodes,
+            certificate=certificate(actions, chosen, self.horizon, lower, upper, TIE),
             seconds=time.perf_counter() - started,
-            asked=asked,
+            asked=_Asked(self, belief, state),
         )
+
+    def _enclosed(self, looked: list[Looked], belief: Belief, ended: bool) -> tuple[Floats, Floats]:
+        """Lower and upper bounds on Q at the planner's horizon."""
+        if ended:
+            return looked[-1].lower, looked[-1].upper
+        parameters = belief.parameters
+        told = most_told(parameters.mistake, parameters.peak, float(belief.marginal().max()))
+        return enclosed(looked, np.full(self.horizon, told), self.gamma)
 
     def _best(self, belief: Belief, state: Hashable, horizon: int) -> Decision:
         """The decision of this planner at another, shorter horizon, the first of the ties."""
@@ -174,20 +193,26 @@ class EntropyPlanner:
         shorter.horizon, shorter.ties = horizon, "first"
         return shorter.plan(belief, state)
 
-    def _search(
+    def _searched(
         self, belief: Belief, state: Hashable, horizon: int, slack: float, until: float
-    ) -> Search | None:
-        """The finished search, or None if `until` came first."""
+    ) -> tuple[Search | None, bool]:
+        """The search and whether it ended; none where `until` came before it began."""
         root = self._graph.grow(state, horizon, until)
         if root is None:
-            return None
+            return None, False
         while True:
             search = Search(belief, self._graph, root, horizon, slack, self.gamma, self._capacity)
-            if search.run(until):
-                return search
+            ended = search.run(until)
             if search.fits:
-                return None
+                return search, ended
             self._capacity *= 4
+
+
+def _looked(search: Search) -> Looked:
+    """What a search that began says, without its arrays."""
+    told = search.told if search.horizon > 2 else np.full(search.horizon, np.inf)  # it needs none before
+    upper = np.where(search.exact, search.bound, search.at_most)
+    return Looked(search.horizon, search.bound.copy(), upper, search.expected.copy(), told.copy())
 
 
 class _Asked(NamedTuple):
