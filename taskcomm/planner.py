@@ -1,8 +1,10 @@
 """The planner: the action that minimises the sum of expected entropy (MODEL.md, section 6)."""
 
+import gc
 import math
 import time
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -19,6 +21,7 @@ from taskcomm.worldgraph import WorldGraph, no_collections
 
 TIE = 1e-9
 _SLACK = 2 * TIE
+_IN_HAND = 0.02  # share of a deadline for the last slice of a search and for what follows it
 GRAPH_MEMORY = 512 << 20  # bytes that a planner's graph of the world may take
 
 
@@ -140,12 +143,13 @@ class EntropyPlanner:
         if belief.model != self.model or len(belief.world.tasks) != len(self.world.tasks):
             raise ValueError("the belief was made with another model or world than the planner")
         slack = np.inf if exact_values else _SLACK
-        with no_collections():
+        with no_collections() if deadline is None else _undisturbed():
+            until = started + (1.0 - _IN_HAND) * (math.inf if deadline is None else deadline)
             looked: list[Looked] = []
             done = None
             for horizon in [self.horizon] if deadline is None else range(1, self.horizon + 1):
-                until = math.inf if deadline is None or horizon == 1 else started + deadline
-                search, ended = self._searched(belief, state, horizon, slack, until)
+                end = math.inf if horizon == 1 else until
+                search, ended = self._searched(belief, state, horizon, slack, end)
                 if search is not None:
                     looked.append(_looked(search))
                 if not ended:
@@ -206,6 +210,25 @@ class EntropyPlanner:
             if search.fits:
                 return search, ended
             self._capacity *= 4
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """No garbage collection while a decision is made, nor because of it right after.
+
+    The worlds that a decision meets are no garbage, but it may take a collection a fifth of a time step
+    to find that out. So what is young is collected before, and what came since counts as old afterwards,
+    unlooked at, which takes no time; the next full collection looks at it.
+    """
+    if gc.isenabled():
+        gc.collect(1)
+    with no_collections():
+        try:
+            yield
+        finally:
+            if gc.get_freeze_count() == 0:
+                gc.freeze()
+                gc.unfreeze()
 
 
 def _looked(search: Search) -> Looked:

@@ -1,5 +1,6 @@
 """What a decision proves of a horizon that it did not reach: true, and as tight as the laws it uses."""
 
+import gc
 import itertools
 import json
 import time
@@ -199,3 +200,26 @@ def test_the_most_is_told_by_the_best_of_two_point_channels(mistake: float, peak
     best = max(_told(np.array([p, 1 - p]), np.array([mistake + peak, mistake])) for p in prior)
     assert most_told(mistake, np.array([peak]), 0.0) == pytest.approx(best, abs=1e-7)
     assert most_told(mistake, np.array([0.0]), 0.0) == 0.0
+
+
+def test_no_garbage_is_collected_between_the_start_of_a_deadline_and_the_decision() -> None:
+    """Once before, of what is young; and what the decision added is not due to be collected right after."""
+    world, model = BallWorld(4), TeacherModel.intuitive()
+    planner, belief = EntropyPlanner(world, model, 6), Belief.initial(world, model)
+    planner.warm_up()
+    generations: list[int] = []
+
+    def collecting(phase: str, information: dict[str, int]) -> None:
+        if phase == "start":
+            generations.append(information["generation"])
+
+    gc.callbacks.append(collecting)
+    try:
+        planner.plan(belief, world.start(), deadline=0.3)
+        due = gc.get_count()[0]
+    finally:
+        gc.callbacks.remove(collecting)
+    assert generations == [1]
+    assert due < gc.get_threshold()[0]
+    assert gc.isenabled()
+    assert len(planner._graph.states) > 3 * gc.get_threshold()[0]
