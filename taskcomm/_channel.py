@@ -176,7 +176,7 @@ def first_told(notes, depth, groups, total):
 def _then(teacher, notes, branch, depth, g, stamp, then):
     """Where `kept` has a press of task g in the second step that shows it `then`."""
     what = notes.shown[g]
-    slot, key = (what * ONCE + then) & (TWICE - 1), (stamp << 32) | (what << 16) | then
+    slot, key = (what * 5 + then) & (TWICE - 1), (stamp << 32) | (what << 16) | then
     if notes.key[branch, g, slot] != key:
         notes.key[branch, g, slot] = key
         at = what & (ONCE - 1)
