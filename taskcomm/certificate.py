@@ -148,14 +148,13 @@ def _least(looked: Sequence[Looked], first: Floats, told: Floats, gamma: float) 
     sums[0] = least = first
     for k in range(1, horizon):
         falling = np.maximum(0.0, least - told[k])
-        reached = np.maximum(known[k], sums[k - 1] + weight[k] * falling)
+        sums[k] = np.maximum(known[k], sums[k - 1] + weight[k] * falling)
         fall = told[1 : k + 1][::-1].cumsum()[::-1]
         for m in range(1, k + 1):
             late = weight[m : k + 1]
             paid = weight[:m].sum() * first + (late[:-1] * fall[m:]).sum()
-            falling = np.maximum(falling, (reached - paid) / late.sum())
+            falling = np.maximum(falling, (sums[k] - paid) / late.sum())
         least = falling
-        sums[k] = np.maximum(reached, sums[k - 1] + weight[k] * falling)
     return sums
 
 
