@@ -15,7 +15,7 @@ Ints = NDArray[np.int64]
 WEIGHT, OWN, LEVEL = range(3)  # columns of Rows.row: the levels begin at LEVEL, the on-times after them
 PEAK, UP, DOWN, FIRST_UP, FIRST_DOWN, FIRST, LAST, LATE, DECAY, HOLD = range(10)  # columns of Teacher.top
 SILENT, PRESSED, YES, NO, NEXT = range(5)  # columns of Notes.once
-ONCE, TWICE, ENTROPIES = 8, 32, 1024  # patterns, pairs of patterns, and probabilities kept in Notes
+ONCE, TWICE = 8, 32  # patterns and pairs of patterns kept in Notes
 HIGHEST, OTHERS, BEST, INFORMATION, CAPACITY, REACHED, ALL = range(7)  # columns of Frames.gain
 EXPECTED, PRESSES, BOUND = range(3)  # rows of Frames.table[depth]
 COST, CUTOFF, SLACK, LEAST, ROOM, LEAST_PRESS, PRESS, VALUE = range(8)  # columns of Frames.real
@@ -74,7 +74,7 @@ class Notes(NamedTuple):
     step shows its cue, and by branch: the weight of P(M = m) in the second step). `kept[branch, g, pair of
     patterns]` is (weight of a press in the second step, weight times its entropy). Both are found by the
     lowest bits of the patterns, and hold where `known` and `key` say so. `usual[g]` is what the first action
-    shows in the second step. `entropy` is h2(`probability` / 2^44).
+    shows in the second step.
     """
 
     tasks: Ints
@@ -85,8 +85,6 @@ class Notes(NamedTuple):
     key: Ints
     kept: Floats
     usual: Ints
-    probability: Ints
-    entropy: Floats
 
 
 class Frames(NamedTuple):

@@ -23,7 +23,6 @@ import numpy as np
 from taskcomm._arrays import (
     DECAY,
     DOWN,
-    ENTROPIES,
     FIRST,
     FIRST_DOWN,
     FIRST_UP,
@@ -45,7 +44,7 @@ from taskcomm._arrays import (
     WEIGHT,
     YES,
 )
-from taskcomm._rows import compiled, inlined, seen, xlogx
+from taskcomm._rows import compiled, seen, xlogx
 
 
 @compiled
@@ -137,7 +136,7 @@ def _work_out(teacher, rows, notes, depth, g, what):
     notes.once[depth, g, at, NO] = mass * xlogx(1.0 - share)
 
 
-@inlined
+@compiled
 def show(teacher, graph, rows, notes, frames, node, depth):
     """Set shown[g] to what `node` shows for task g, and work out what it does then."""
     stamp = frames.whole[depth, STAMP] << 16
@@ -148,17 +147,6 @@ def show(teacher, graph, rows, notes, frames, node, depth):
         if notes.known[depth, g, what & (ONCE - 1)] != key:
             notes.known[depth, g, what & (ONCE - 1)] = key
             _work_out(teacher, rows, notes, depth, g, what)
-
-
-@inlined
-def _entropy(notes, p):
-    """h2(p), p taken to the nearest 2^-44, kept from the last time; within 1e-12 of the truth."""
-    near = np.int64(p * 17592186044416.0 + 0.5)
-    at = (near ^ (near >> 10) ^ (near >> 20) ^ (near >> 30)) & (ENTROPIES - 1)
-    if notes.probability[at] != near:
-        p = near / 17592186044416.0
-        notes.probability[at], notes.entropy[at] = near, -xlogx(p) - xlogx(1.0 - p)
-    return notes.entropy[at]
 
 
 @compiled
@@ -172,7 +160,7 @@ def first_told(notes, depth, groups, total):
     return max(0.0, apart - xlogx(press / total) * total - xlogx(1.0 - press / total) * total), press
 
 
-@inlined
+@compiled
 def _then(teacher, notes, branch, depth, g, stamp, then):
     """Where `kept` has a press of task g in the second step that shows it `then`."""
     what = notes.shown[g]
@@ -186,7 +174,8 @@ def _then(teacher, notes, branch, depth, g, stamp, then):
             likely += notes.once[depth, g, at, NEXT + 4 * m + 2 * (then >> m & 1) + branch]
         notes.kept[branch, g, slot, 0], notes.kept[branch, g, slot, 1] = likely, 0.0
         if weight > 0.0:
-            notes.kept[branch, g, slot, 1] = weight * _entropy(notes, likely / weight)
+            share = likely / weight
+            notes.kept[branch, g, slot, 1] = -weight * (xlogx(share) + xlogx(1.0 - share))
     return slot
 
 

@@ -28,9 +28,9 @@ from taskcomm.compiling import kernel
 SEARCH = "the planner's search"
 ROUNDING = 1e-13  # relative difference of weights that are equal but for rounding
 
-_OPTIONS = {"error_model": "numpy", "_nrt": False}  # nothing is allocated, so references need no counting
-compiled = kernel(__name__, SEARCH, **_OPTIONS)
-inlined = kernel(__name__, SEARCH, inline="always", **_OPTIONS)  # called too often for a call
+# Calls that pass this many arrays cost more than what is done in them; references need no counting, since
+# nothing is allocated.
+compiled = kernel(__name__, SEARCH, error_model="numpy", forceinline=True, _nrt=False)
 
 
 @compiled
@@ -38,7 +38,7 @@ def xlogx(x):
     return x * np.log(x) if x > 0.0 else 0.0
 
 
-@inlined
+@compiled
 def seen(graph, path, depth, t):
     """The pattern shown at `depth` of the path; at most 0: before the search."""
     if depth >= 1:
@@ -125,7 +125,7 @@ def branch(teacher, graph, rows, node, start, stop):
     return press_stop, silent_start
 
 
-@inlined
+@compiled
 def _alike(graph, path, rows, depth, a, b, size):
     """Whether two tasks, the `size` rows from a and from b, have equal memories and pasts."""
     for i in range(size):

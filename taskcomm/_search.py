@@ -48,12 +48,12 @@ from taskcomm._arrays import (
 )
 from taskcomm._bounds import gains, least_future, two_points
 from taskcomm._channel import first_told, lay_out, most_told, owns, second_step, show
-from taskcomm._rows import branch, compiled, inlined, look_ahead, merge, xlogx
+from taskcomm._rows import branch, compiled, look_ahead, merge, xlogx
 
 ENTER, AFTER_SILENT, AFTER_PRESS = range(3)  # phases
 
 
-@inlined
+@compiled
 def _place(frames, depth, a, bound):
     """Give action a its lower bound and its place among the actions before it, lowest bound first."""
     frames.table[depth, BOUND, a] = bound
@@ -138,7 +138,7 @@ def _bound(teacher, graph, rows, notes, frames, node, depth, steps, gamma):
         frames.exact[depth, a] = False
 
 
-@inlined
+@compiled
 def _push(frames, depth, start, stop, steps, since, cost, cutoff):
     """Begin the search of the rows [start, stop) at `depth`: exact below `cutoff`."""
     frames.real[depth, COST], frames.real[depth, CUTOFF], frames.real[depth, SLACK] = cost, cutoff, 0.0

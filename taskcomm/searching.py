@@ -118,8 +118,6 @@ def _notes(belief: Belief, horizon: int) -> Notes:
         key=np.zeros((2, tasks, _arrays.TWICE), dtype=np.int64),
         kept=np.empty((2, tasks, _arrays.TWICE, 2)),
         usual=np.empty(tasks, dtype=np.int64),
-        probability=np.full(_arrays.ENTROPIES, -1),
-        entropy=np.empty(_arrays.ENTROPIES),
     )
 
 
