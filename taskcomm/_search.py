@@ -29,6 +29,7 @@ from taskcomm._arrays import (
     INFORMATION,
     LEAST,
     LEAST_PRESS,
+    LEVEL,
     OWN,
     PHASE,
     PRESS,
@@ -79,15 +80,22 @@ def _first_steps(teacher, graph, rows, notes, frames, node, depth):
 
 @compiled
 def _room(teacher, rows, start, stop):
-    """The most that the second step can tell for a unit of mass."""
-    highest = teacher.mu
+    """The most that the second step can tell for a unit of mass.
+
+    Where there is decay, a reset may raise P(M = m): its on-time begins anew.
+    """
+    highest, resets = teacher.mu, 2 if rows.row.shape[1] > LEVEL + len(teacher.top) else 1
     for r in range(start, stop):
         p = teacher.mu
         for m in range(rows.second.shape[1]):
-            p += max(
-                max(rows.second[r, m, 0, 0, 0], rows.second[r, m, 0, 1, 0]),
-                max(rows.second[r, m, 1, 0, 0], rows.second[r, m, 1, 1, 0]),
-            )
+            most = 0.0
+            for reset in range(resets):
+                most = max(
+                    most,
+                    max(rows.second[r, m, 0, 0, reset], rows.second[r, m, 0, 1, reset]),
+                    max(rows.second[r, m, 1, 0, reset], rows.second[r, m, 1, 1, reset]),
+                )
+            p += most
         highest = max(highest, p)
     return two_points(teacher, highest, 1.0) if highest > teacher.mu else 0.0
 
