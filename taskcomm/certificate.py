@@ -126,8 +126,9 @@ def _last(sums: Floats, first: Floats, most: Floats, horizon: int, weight: Float
     """
     last = first
     for i in range(horizon):
-        before = sums[i - 1] if i > 0 else 0.0
-        last = np.minimum(last, (most - before) / weight[i:horizon].sum())
+        before, late = sums[i - 1] if i > 0 else 0.0, weight[i:horizon].sum()
+        if late > 0.0:
+            last = np.minimum(last, (most - before) / late)
     return np.maximum(last, 0.0)
 
 
@@ -150,10 +151,12 @@ def _least(looked: Sequence[Looked], first: Floats, told: Floats, gamma: float) 
         falling = np.maximum(0.0, least - told[k])
         sums[k] = np.maximum(known[k], sums[k - 1] + weight[k] * falling)
         fall = told[1 : k + 1][::-1].cumsum()[::-1]
-        for m in range(1, k + 1):
-            late = weight[m : k + 1]
-            paid = weight[:m].sum() * first + (late[:-1] * fall[m:]).sum()
-            falling = np.maximum(falling, (sums[k] - paid) / late.sum())
+        late = weight[1 : k + 1][::-1].cumsum()[::-1]  # by m, from 1 to k, like what follows
+        fallen = np.append(weight[1:k] * fall[1:], 0.0)[::-1].cumsum()[::-1]
+        paid = weight.cumsum()[:k, None] * first + fallen[:, None]
+        counts = late > 0.0  # not so where gamma is so small that steps weigh nothing
+        solved = (sums[k] - paid[counts]) / late[counts, None]
+        falling = np.maximum(falling, solved.max(axis=0, initial=0.0))
         least = falling
     return sums
 

@@ -99,6 +99,16 @@ def test_a_certain_belief_needs_no_further_look(monkeypatch: pytest.MonkeyPatch)
     assert decision.certificate.optimal
 
 
+@pytest.mark.parametrize("gamma", [1e-3, 1e-60, 1e-200])
+def test_a_discount_that_leaves_later_steps_no_weight_is_certified_by_the_first(gamma: float) -> None:
+    first = np.array([1.5, 1.0])
+    looked = Looked(1, first, first, first, np.full(1, np.inf))
+    lower, upper = enclosed([looked], np.full(10, 0.1), gamma)
+    assert (first <= lower).all()
+    assert (lower <= upper).all()
+    assert upper == pytest.approx(first / (1.0 - gamma), rel=1e-12)
+
+
 def test_a_certificate_is_written_as_plain_values() -> None:
     proof = certificate(["wait", "light"], 1, 7, np.array([2.0, 1.0]), np.array([3.0, 2.25]), 1e-9)
     assert (proof.regret, proof.optimal) == (0.25, False)
