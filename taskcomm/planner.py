@@ -7,6 +7,7 @@ from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,7 +102,7 @@ class EntropyPlanner:
     ) -> None:
         if isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 1:
             raise ValueError(f"horizon must be a whole number of steps from 1, not {horizon!r}")
-        if not 0 < gamma <= 1:
+        if not (_is_number(gamma) and 0 < gamma <= 1):
             raise ValueError(f"gamma must lie in (0, 1], not {gamma!r}")
         if ties not in ("first", "random"):
             raise ValueError(f"ties must be 'first' or 'random', not {ties!r}")
@@ -137,10 +138,10 @@ class EntropyPlanner:
         other tasks or under another model, or the deadline is not positive, and MemoryError where the worlds
         within the horizon do not fit into the planner's memory; a deadline looks less far then.
         """
-        if deadline is not None and not deadline > 0:
+        if deadline is not None and not (_is_number(deadline) and deadline > 0):
             raise ValueError(f"deadline must be a positive number of seconds, not {deadline!r}")
         started = time.perf_counter()
-        if belief.model != self.model or len(belief.world.tasks) != len(self.world.tasks):
+        if belief.model != self.model or not _same_tasks(belief.world, self.world):
             raise ValueError("the belief was made with another model or world than the planner")
         slack = np.inf if exact_values else _SLACK
         with no_collections() if deadline is None else _undisturbed():
@@ -210,6 +211,14 @@ class EntropyPlanner:
             if search.fits:
                 return search, ended
             self._capacity *= 4
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _same_tasks(one: World, other: World) -> bool:
+    return one is other or list(one.tasks) == list(other.tasks)
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 import inspect
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any, Protocol
 
 import numpy as np
@@ -184,7 +185,7 @@ class Robot:
 def _check_deadline(deadline: float | None, planner: Planner | None) -> None:
     if deadline is None:
         return
-    if not deadline > 0:
+    if isinstance(deadline, bool) or not isinstance(deadline, Real) or not deadline > 0:
         raise ValueError(f"deadline: must be a positive number of seconds, not {deadline!r}")
     if planner is not None:
         taken = inspect.signature(planner.plan).parameters.values()

@@ -72,8 +72,8 @@ class WorldGraph:
             raise ValueError(f"at most {MAX_CUES} approval states, not {len(cue)}")
         if len(world.tasks) > MAX_TASKS:
             raise ValueError(f"at most {MAX_TASKS} tasks, not {len(world.tasks)}")
-        if not memory > 0:
-            raise ValueError(f"memory must be a positive number of bytes, not {memory!r}")
+        if isinstance(memory, bool) or not isinstance(memory, int) or memory < 1:
+            raise ValueError(f"memory must be a whole number of bytes from 1, not {memory!r}")
         self.world, self.cue, self.worth, self.horizon, self.memory = world, cue, worth, horizon, memory
         patterns = np.arange(1 << len(cue))[:, None]
         self._pays = (patterns >> np.arange(len(cue)) & 1) @ worth

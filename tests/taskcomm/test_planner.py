@@ -150,7 +150,10 @@ def test_random_ties_are_drawn_from_the_ties_by_the_seed() -> None:
         ({"gamma": 0.0}, "gamma"),
         ({"gamma": 1.1}, "gamma"),
         ({"gamma": float("nan")}, "gamma"),
+        ({"gamma": "1"}, "gamma"),
         ({"ties": "last"}, "ties"),
+        ({"memory": 1e9}, "memory"),
+        ({"memory": "1 GB"}, "memory"),
     ],
 )
 def test_bad_settings_are_named(arguments: dict[str, object], named: str) -> None:
@@ -158,8 +161,8 @@ def test_bad_settings_are_named(arguments: dict[str, object], named: str) -> Non
         EntropyPlanner(BallWorld(), TeacherModel.intuitive(), **arguments)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("deadline", [0.0, -1.0, float("nan")])
-def test_a_deadline_must_be_positive(deadline: float) -> None:
+@pytest.mark.parametrize("deadline", [0.0, -1.0, float("nan"), True, "0.4"])
+def test_a_deadline_must_be_a_positive_number(deadline: float) -> None:
     world, model = BallWorld(2, 1), TeacherModel.intuitive()
     with pytest.raises(ValueError, match="deadline"):
         EntropyPlanner(world, model, 2).plan(Belief.initial(world, model), world.start(), deadline=deadline)
@@ -170,6 +173,6 @@ def test_unknown_cues_and_foreign_beliefs_are_refused() -> None:
     strange = TeacherModel(mistake=0.01, approvals={"that": TableTop("smell", 0.1, 1.0, 1.0)})
     with pytest.raises(ModelError, match="smell"):
         EntropyPlanner(world, strange)
-    belief = Belief.initial(BallWorld(2, 2), model)
-    with pytest.raises(ValueError, match="another model or world"):
-        EntropyPlanner(world, model).plan(belief, world.start())
+    for other in (BallWorld(2, 2), BallWorld(2, 12)):  # the latter has as many tasks
+        with pytest.raises(ValueError, match="another model or world"):
+            EntropyPlanner(world, model).plan(Belief.initial(other, model), world.start())

@@ -271,7 +271,7 @@ def test_with_a_deadline_the_planner_may_look_10_steps_ahead_unless_given() -> N
     assert robot.description["planner"] == told
 
 
-@pytest.mark.parametrize("deadline", [0, -0.4, float("nan")])
+@pytest.mark.parametrize("deadline", [0, -0.4, float("nan"), True, "0.4"])
 def test_refuses_a_deadline_that_is_none_or_that_the_planner_takes_none_of(deadline: float) -> None:
     with pytest.raises(ValueError, match="deadline: must be a positive number of seconds"):
         Robot(WORLD, MODEL, deadline=deadline)
