@@ -49,8 +49,8 @@ def _divergence(p, q):
 def _highest(teacher, graph, path, rows, frames, before, r, steps, depth):
     """The highest P(press) of a row 1 to `steps` steps on, into gain[depth, :, REACHED].
 
-    The lesser of two bounds: each level as if its cue were on wherever it may be (`show`, the
-    patterns, those of the `before` steps still to be seen late first); all levels together by what one
+    The lesser of two bounds: each level as if its cue were on wherever it may be (`reach`,
+    those of the `before` steps still to be seen late first); all levels together by what one
     path through the world can add (`climb`), and what is seen late of the past.
     """
     node, now, late = path.trail[depth], teacher.mu, 0.0
@@ -111,18 +111,9 @@ def gains(teacher, graph, path, rows, frames, depth, start, stop, steps):
     slope = _divergence(ceiling, teacher.mu) / (ceiling - teacher.mu) if ceiling > teacher.mu else 0.0
     best, total = _best_task(rows, start, stop)
     for k in range(steps):
-        (
-            frames.gain[depth, k, ALL],
-            frames.gain[depth, k, HIGHEST],
-            frames.gain[depth, k, OTHERS],
-            frames.gain[depth, k, BEST],
-        ) = (
-            0.0,
-            teacher.mu,
-            0.0,
-            0.0,
-        )
-    for others in range(2):  # the best rows.task comes first: the others' bound needs it
+        frames.gain[depth, k, HIGHEST] = teacher.mu
+        frames.gain[depth, k, ALL] = frames.gain[depth, k, OTHERS] = frames.gain[depth, k, BEST] = 0.0
+    for others in range(2):  # the best task comes first: the others' bound needs it
         r = start if others else best
         while r < stop and (others or rows.task[r] == rows.task[best]):
             if others and rows.task[r] == rows.task[best]:

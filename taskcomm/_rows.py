@@ -152,7 +152,7 @@ def merge(graph, path, rows, outlook, depth, start, stop):
 
     `run[outlook]` numbers the runs of tasks that the coming steps treat alike.
     """
-    at, last, end = start, start, start  # [last, end) is the rows.task written last
+    at, last, end = start, start, start  # [last, end) is the task written last
     while at < stop:
         begin = at
         at += 1

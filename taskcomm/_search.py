@@ -2,7 +2,7 @@
 """The exact closed-loop tree search, compiled: arrays in, arrays out, no balls.
 
 The law is Q_h of MODEL.md, section 6, on unnormalised measures: with w the weights of the rows
-(task, memory), W_theta their usual by task and W the total, the cost is total weight times entropy:
+(task, memory), W_theta their sums by task and W the total, the cost is total weight times entropy:
 
     C(w) = W ln W - sum_theta W_theta ln W_theta
     V_h(w) = min_a [ C(w_a0) + C(w_a1) + gamma (V_{h-1}(w_a0) + V_{h-1}(w_a1)) ]
