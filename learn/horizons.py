@@ -175,7 +175,12 @@ def _run(chosen: argparse.Namespace) -> int:
     from learn.horizon_figure import horizon_figure
     from learn.plots import csv_text, save
 
-    world, out = BallWorld(), chosen.out
+    world, out, names = BallWorld(), chosen.out, chosen.models.split(",")
+    for name in names:
+        if name not in ("intuitive", LEARNED):
+            raise ValueError(f"models: {name!r} is neither intuitive nor {LEARNED}")
+    if chosen.trials < 1:
+        raise ValueError(f"trials: at least 1, not {chosen.trials}")
     models = {
         "intuitive": TeacherModel.intuitive(),
         LEARNED: learned_model(chosen.data, out / "learned.json"),
@@ -184,7 +189,7 @@ def _run(chosen: argparse.Namespace) -> int:
         out, world, models, true_teachers(chosen.data), chosen.horizons.split(","),
         seed=chosen.seed, until=time.time() + 60 * chosen.minutes,
     )  # fmt: skip
-    wanted = [arm for arm in arms if arm.model in chosen.models.split(",")]
+    wanted = [arm for arm in arms if arm.model in names]
     rows = begun.run(wanted, chosen.trials, chosen.jobs)
     found = summary(rows, begun.runner.dt)
     if not found:

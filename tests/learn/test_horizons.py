@@ -141,3 +141,7 @@ def test_the_command_runs_reports_and_goes_on(tmp_path: Path, capsys: pytest.Cap
     assert "kept of another run, truths" in capsys.readouterr().err
     assert main([*asked, "2", "--horizons", "soon"]) == 1
     assert "'soon' is neither steps" in capsys.readouterr().err
+    assert main([*asked, "2", "--models", "learned,leaned"]) == 1
+    assert "'leaned' is neither intuitive nor learned" in capsys.readouterr().err
+    assert main([*asked, "0"]) == 1
+    assert "trials: at least 1, not 0" in capsys.readouterr().err
