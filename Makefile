@@ -55,8 +55,8 @@ bench-planner: $(READY)  ## the search against a plain compiled tree, by horizon
 bench-planner-peers: $(READY)  ## pymdp and pomdp-py, in environments of their own, on what they can express
 	PYTHONPATH=tests $(BIN)/python -m benchmarks.planner.peers
 
-study-horizons: $(READY)  ## does looking further help? hours; goes on where it was stopped; ARGS="--minutes 60"
-	$(BIN)/python -m learn.horizons --out build/study-horizons $(ARGS)
+study-horizons: $(READY)  ## does looking further help? hours, kept in horizons-results/; goes on where it stopped; ARGS="--minutes 60"
+	$(BIN)/python -m learn.horizons --out horizons-results $(ARGS)
 
 clean:  ## remove .venv and everything made
 	rm -rf $(VENV) demo-results build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis \

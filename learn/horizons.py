@@ -1,6 +1,6 @@
 """Does looking further help? The same teaching trials with robots that look 1, 2, 3, ... steps ahead.
 
-    python -m learn.horizons --trials 200 --horizons 1,2,3,5,7,0.4s --out build/horizons
+    python -m learn.horizons --trials 200 --horizons 1,2,3,5,7,0.4s --out horizons-results
 
 Robots have the intuitive model or the one fitted to a simulated data set; teachers have that set's true
 model. Every trial is kept as soon as it is done: the same command goes on where it was stopped, and reports
@@ -159,7 +159,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--models", default=f"intuitive,{LEARNED}", help="which of intuitive, learned")
     parser.add_argument("--data", type=Path, default=DATA, help="a simulated set; its fit, its true teachers")
-    parser.add_argument("--out", type=Path, default=Path("build/horizons"), help="folder of rows and results")
+    parser.add_argument("--out", type=Path, default=Path("horizons-results"), help="folder of the rows")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1, help="processes; more than cores spoil the times")
     parser.add_argument("--minutes", type=float, default=math.inf, help="begin no trial after so many")
