@@ -118,7 +118,8 @@ def _last_two(teacher, graph, rows, notes, frames, node, depth, total, gamma):
         show(teacher, graph, rows, notes, frames, child, depth)
         expected = table[depth, EXPECTED, a]
         later = expected - most_told(teacher, graph, notes, frames, SILENT, child, depth)
-        table[depth, BOUND, a] = expected + gamma * (later - room * table[depth, PRESSES, a])
+        bound = expected + gamma * (later - room * table[depth, PRESSES, a])
+        table[depth, BOUND, a] = max(table[depth, BOUND, a], bound)
         nodes += 1
         if table[depth, BOUND, a] < cutoff:
             later -= most_told(teacher, graph, notes, frames, PRESSED, child, depth)

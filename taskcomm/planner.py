@@ -203,7 +203,7 @@ class EntropyPlanner:
     ) -> tuple[Search | None, bool]:
         """The search and whether it ended; none where `until` came before it began."""
         root = self._graph.grow(state, horizon, until)
-        if root is None:
+        if root is None or time.perf_counter() >= until:
             return None, False
         while True:
             search = Search(belief, self._graph, root, horizon, slack, self.gamma, self._capacity)
