@@ -57,7 +57,7 @@ class Explanation:
       No press in 1 step (98%): the belief hardly moves.
     Other actions:
       light_on(2): a tie (1.363845)
-      noa, pick_up(1), pick_up(2): at least 0.009609 more (1.373454)
+      noa, pick_up(1), pick_up(2): at least 0.017196 more (1.381041)
     """
 
     tasks: Sequence[Any]
