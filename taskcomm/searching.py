@@ -37,11 +37,7 @@ class Search:
         from taskcomm import _search  # numba is loaded, and the kernel compiled, only when it is needed
 
         number = len(belief.task)
-        teacher, path, frames = (
-            _teacher(belief),
-            _path(belief, root, horizon),
-            _frames(belief, graph, horizon),
-        )
+        teacher, frames = _teacher(belief), _frames(belief, graph, horizon)
         rows = _rows(belief, max(capacity, number * (len(teacher.top) + 3)))
         world = Graph(
             *(graph.first, graph.count, graph.successor, graph.pattern),
@@ -50,7 +46,8 @@ class Search:
         start = number, horizon, belief.since_press, belief.entropy(), slack, gamma
         self.horizon, self.nodes, self.fits = horizon, 0, True
         self._kernel, self._resume = _search.search, -1
-        self._arguments = teacher, world, path, rows, _notes(belief, horizon), frames, *start
+        path, notes = _path(belief, root, horizon), _notes(belief, horizon)
+        self._arguments = teacher, world, path, rows, notes, frames, *start
         count = int(graph.count[root])
         self.exact: Bools = frames.exact[0, :count]
         self.bound: Floats = frames.table[0, _arrays.BOUND, :count]

@@ -10,7 +10,7 @@ from trees import situations
 from taskcomm.belief import Belief
 from taskcomm.planner import EntropyPlanner
 from taskcomm.teacher import TeacherModel
-from taskcomm.world import Action, BallWorld
+from taskcomm.world import Action, BallState, BallWorld
 
 
 @given(situations(), st.integers(1, 2), st.sampled_from([1.0, 0.9, 0.3]))
@@ -49,8 +49,8 @@ def test_first_decision_has_the_reference_values_and_every_belief_is_visited() -
     for text, value in {"noa": 12.651607, "light_on(2)": 12.583004, "pick_up(3)": 12.647779}.items():
         assert values[Action.parse(text)] == pytest.approx(value, abs=1e-6)
 
-    def beliefs(state: object, steps: int) -> int:
-        after = [world.step(state, action) for action in world.actions(state)] if steps > 1 else []  # type: ignore[arg-type]
+    def beliefs(state: BallState, steps: int) -> int:
+        after = [world.step(state, action) for action in world.actions(state)] if steps > 1 else []
         return 1 + sum(2 * beliefs(reached, steps - 1) for reached in after)
 
     assert tree.nodes == beliefs(world.start(), 4)
