@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from learn.bootstrap import ratio_interval
+from learn.bootstrap import Resampling, ratio_interval, ratio_intervals
 
 
 def test_estimate_is_the_ratio_of_sums_and_lies_within() -> None:
@@ -48,3 +48,15 @@ def test_values_of_different_length_are_refused() -> None:
         ratio_interval([1.0, 2.0], [1.0])
     with pytest.raises(ValueError, match="groups: 1 names for 2 values"):
         ratio_interval([1.0, 2.0], [1.0, 1.0], ["a"])
+
+
+def test_intervals_of_columns_are_those_of_each_column_alone() -> None:
+    rng = np.random.default_rng(3)
+    tops, bottoms = rng.gamma(2.0, size=(24, 3)), rng.gamma(2.0, size=(24, 3))
+    bottoms[:, 2] = 0.0
+    people = [n // 3 for n in range(24)]
+    found = ratio_intervals(tops, bottoms, Resampling.of(people))
+    for column in (0, 1):
+        assert found[column] == ratio_interval(tops[:, column], bottoms[:, column], people)
+    assert np.isnan(found[2].estimate)
+    assert found[2].groups == 8
