@@ -74,20 +74,14 @@ def expected(
 def collapse(
     lattice: Any, first: int, last: int, peak: Any, share: Any, slope: Any, by_share: Any, rates: Any
 ) -> None:
-    """Rates in peak, rise, fall and delay, (4, M), from the rates in P(M_t = m) = peak * share."""
+    """Rates in peak, rise, fall, delay, decay and hold, (6, M), from those in P(M_t = m) = peak * share."""
     rates[:] = 0.0
     for j in range(lattice.unit_tracks[first], lattice.unit_tracks[last]):
         m = lattice.track_state[j]
-        by_peak = by_rise = by_fall = by_delay = 0.0
         for i in range(lattice.track_at[j], lattice.track_at[j] + lattice.track_length[j]):
-            by_peak += by_share[i] * share[i]
-            by_rise += by_share[i] * slope[0, i]
-            by_fall += by_share[i] * slope[1, i]
-            by_delay += by_share[i] * slope[2, i]
-        rates[0, m] += by_peak
-        rates[1, m] += by_rise * peak[m]
-        rates[2, m] += by_fall * peak[m]
-        rates[3, m] += by_delay * peak[m]
+            rates[0, m] += by_share[i] * share[i]
+            for k in range(len(slope)):
+                rates[1 + k, m] += by_share[i] * slope[k, i] * peak[m]
 
 
 @_kernel
@@ -96,7 +90,7 @@ def informed(
 ) -> None:
     """Expected steps and presses whose probability each parameter changes, and the highest levels.
 
-    `steps` and `presses` (5, M): rows peak, rise, fall, delay; in the last row, first column, mistake:
+    `steps` and `presses` (7, M): rows peak, rise, ..., hold; in the last row, first column, mistake:
     steps in which only a mistake could be the reason, and the expected mistakes. `reached` (M,) is the
     highest level of each approval that a memory of some weight has shown.
     """
@@ -107,7 +101,7 @@ def informed(
             pressed = 0.0
             for reason in range(states + 1):
                 pressed += press[s, reason]
-            presses[4, 0] += press[s, 0]
+            presses[6, 0] += press[s, 0]
             for t in range(begin, end + 1):
                 weight = memory[s] if t < end else pressed
                 if weight <= NEGLIGIBLE:
@@ -122,10 +116,10 @@ def informed(
                             reached[m] = max(reached[m], share[at])
                         if t == end:
                             presses[0, m] += press[s, 1 + m]
-                    for k in range(3):
+                    for k in range(len(slope)):
                         if slope[k, at] != 0.0:
                             steps[1 + k, m] += weight
                             if t == end:
                                 presses[1 + k, m] += press[s, 1 + m]
                 if silent:
-                    steps[4, 0] += weight
+                    steps[6, 0] += weight

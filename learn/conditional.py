@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.ascent import ascend, climb_from
-from learn.coordinates import Bounds, Coordinates, model_at, vector_of
+from learn.coordinates import NAMES, Bounds, Coordinates, model_at, vector_of
 from learn.estep import Evidence
 from learn.exposure import expose
 from learn.without_jit import without_jit
@@ -109,7 +109,7 @@ def _classes() -> Any:
         def _levels(self, cues: Any, ages: Any, vector: Any) -> tuple[Any, Any]:
             """Levels and on-times at the end of the last step, each (rows, M)."""
             dt, states = self.base.dt, ages.shape[1]
-            _, rise, fall, delay = vector[1:].reshape(4, states)
+            _, rise, fall, delay, _, _ = vector[1:].reshape(len(NAMES), states)
             late = torch.floor(delay.detach() / dt + 1e-9)
             early = torch.clamp(delay - late * dt, min=0.0)
             level = torch.zeros_like(ages, dtype=torch.float64)
@@ -158,10 +158,10 @@ def _classes() -> Any:
                 return
             X, weight = torch.cat(self._rows), torch.cat(self._weights)
             states = len(self.base.approvals)
-            free = np.ones(1 + 4 * states, dtype=np.bool_)
-            free[1 + 3 * states :] = self.delays
+            free = np.zeros(1 + len(NAMES) * states, dtype=np.bool_)
+            free[: 1 + (4 if self.delays else 3) * states] = True
             seen = X[:, : -states - 1].reshape(len(X), -1, states).any(dim=1).any(dim=0).numpy()
-            free[1:] &= np.tile(seen, 4)
+            free[1:] &= np.tile(seen, len(NAMES))
             space = Coordinates(self.model, Bounds(), free)
 
             def value_and_rates(point: Floats) -> tuple[float, Floats]:

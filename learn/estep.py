@@ -1,12 +1,14 @@
 """The E-step: what the presses of every trial say of reasons and memories, at one set of parameters."""
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from learn.exposure import Exposure, expose
+from learn.exposure import Exposure, FitError, expose
 from taskcomm.lattice import Floats
 from taskcomm.smoother import Chain, smooth
 from taskcomm.teacher import Parameters, TeacherModel
@@ -16,12 +18,13 @@ from taskcomm.world import World
 
 @dataclass(frozen=True)
 class Expectation:
-    """The E-step's answer, weighted by P(task | trial) where the task is unknown.
+    """The E-step's answer, weighted by P(task | trial) where the task is unknown, and by trial weights.
 
     `log_likelihood` (trials,) in nats; `memory` (memories,) is P(memory | trial); `press`
     (memories, 1 + M) is P(memory, reason of the press that ends it | trial), reason 0 being a mistake;
-    `rates` (1 + 4 M,) are those of the summed log-likelihood in mistake, then peaks, rises, falls and
-    delays; `unit` (units,) is P(tasks of the unit | trial).
+    `rates` (1 + 6 M,) are those of the summed log-likelihood in mistake, then peaks, rises, falls,
+    delays, decays and holds; `unit` (units,) is P(tasks of the unit | trial),
+    unweighted; `value` is the weighted sum of the log-likelihoods, in nats.
     """
 
     log_likelihood: Floats
@@ -29,11 +32,7 @@ class Expectation:
     press: Floats
     rates: Floats
     unit: Floats
-
-    @property
-    def value(self) -> float:
-        """Log-likelihood of all trials, in nats."""
-        return float(self.log_likelihood.sum())
+    value: float
 
 
 class Evidence:
@@ -50,6 +49,28 @@ class Evidence:
         self._first = np.flatnonzero(np.diff(trial, prepend=-1))
         with np.errstate(divide="ignore"):
             self._log_prior = np.log(exposure.unit_prior)
+        self.weights: Floats | None = None
+
+    def with_weights(self, weights: ArrayLike | None) -> Self:
+        """The same trials, their log-likelihoods multiplied by `weights` (trials,); it shares the buffers.
+
+        Raises FitError for another number of weights, or ones that are not finite and at least 0.
+        """
+        other = copy(self)
+        other.weights = None if weights is None else np.array(weights, dtype=np.float64)
+        count = len(self.exposure.trial_ids)
+        if other.weights is not None:
+            if other.weights.shape != (count,):
+                raise FitError(f"weights: must be {count} numbers, one per trial, not {other.weights.shape}")
+            if not (np.isfinite(other.weights) & (other.weights >= 0)).all() or not other.weights.any():
+                raise FitError("weights: must be finite, at least 0, and not all 0")
+        return other
+
+    def _total(self, log_likelihoods: Floats) -> float:
+        return float(log_likelihoods.sum() if self.weights is None else self.weights @ log_likelihoods)
+
+    def _smooth(self, unit: Floats) -> None:
+        self.chain.smooth(unit if self.weights is None else unit * self.weights[self.exposure.unit_trial])
 
     def log_likelihoods(self, parameters: Parameters) -> Floats:
         """Log-likelihood of each trial in nats: given its task, or summed over tasks."""
@@ -66,17 +87,22 @@ class Evidence:
     def expect(self, parameters: Parameters) -> Expectation:
         """The E-step at `parameters`."""
         log_likelihood, unit = self._over_tasks(self.chain.run(parameters))
-        self.chain.smooth(unit)
+        self._smooth(unit)
         flow, memory = self.chain.flow, self.chain.memory.copy()
         _, rates = self._sum(parameters, memory, flow, as_counts=False)
-        return Expectation(log_likelihood, memory, self._presses(parameters), rates, unit)
+        press, value = self._presses(parameters), self._total(log_likelihood)
+        return Expectation(log_likelihood, memory, press, rates, unit, value)
+
+    def value(self, parameters: Parameters) -> float:
+        """Log-likelihood of all trials, weighted, in nats."""
+        return self._total(self.log_likelihoods(parameters))
 
     def value_and_rates(self, parameters: Parameters) -> tuple[float, Floats]:
-        """Log-likelihood of all trials in nats, and its rates, shape (1 + 4 M,)."""
+        """Log-likelihood of all trials in nats, and its rates, shape (1 + 6 M,)."""
         log_likelihood, unit = self._over_tasks(self.chain.run(parameters))
-        self.chain.smooth(unit)
+        self._smooth(unit)
         _, rates = self._sum(parameters, self.chain.memory, self.chain.flow, as_counts=False)
-        return float(log_likelihood.sum()), rates
+        return self._total(log_likelihood), rates
 
     def _presses(self, parameters: Parameters) -> Floats:
         """`flow` times the probability of the reason, for every memory."""
@@ -95,7 +121,7 @@ class Evidence:
     def expected_log_likelihood(
         self, parameters: Parameters, expectation: Expectation
     ) -> tuple[float, Floats]:
-        """Q: sum of E[log P(M_t | memory, cues)], and its rates, shape (1 + 4 M,).
+        """Q: sum of E[log P(M_t | memory, cues)], and its rates, shape (1 + 6 M,).
 
         Q is -inf where a press has a reason that these parameters rule out.
         """
@@ -108,7 +134,7 @@ class Evidence:
         from learn import _slopes
 
         p, chain, lattice = parameters, self.chain, self.exposure.lattice
-        answer, rates = np.zeros(2), np.zeros((4, len(p.peak)))
+        answer, rates = np.zeros(2), np.zeros((6, len(p.peak)))
         _slopes.expected(
             lattice, 0, chain.units, p.mistake, p.peak, chain.share, memory, press, as_counts,
             self._by_share, answer,

@@ -71,8 +71,7 @@ class Objective:
         """The objective at a point, in nats."""
         self.evaluations += 1
         vector = self.space.vector(point)
-        each = self.evidence.log_likelihoods(parameters_at(vector, self.base))
-        return float(each.sum()) + self.log_prior(vector)
+        return self.evidence.value(parameters_at(vector, self.base)) + self.log_prior(vector)
 
     def value_and_rates(self, point: Floats) -> tuple[float, Floats]:
         """The objective at a point and its rates; at a kink, those of one side."""

@@ -45,7 +45,7 @@ class Slopes:
 def directions_of(space: Coordinates) -> Floats:
     """Plus and minus every coordinate, then a fan in every (log rise, log fall) plane."""
     index = space.index.tolist()
-    states = (len(space.base) - 1) // 4
+    states = space.states
     axes = np.eye(len(index))
     rows = [axes, -axes]
     angles = 2 * np.pi * (np.arange(FAN) + 0.5) / FAN
@@ -147,7 +147,7 @@ def breakpoints(space: Coordinates, coordinate: int) -> Floats:
     A level that rises for n steps of dt reaches 1 at rise = n dt; over k on-off rounds, at n dt / k.
     """
     least, most = space.least[coordinate], space.most[coordinate]
-    if coordinate >= len(space.point(space.base)) - len(space.delays):
+    if space.kinds[coordinate] in ("delay", "hold"):
         lattice = np.arange(0.0, most + space.dt / 4, space.dt / 4)
         return np.asarray(lattice[(lattice >= least) & (lattice <= most)], dtype=np.float64)
     n, k = np.meshgrid(np.arange(1, 41), np.arange(1, 4))
@@ -159,7 +159,7 @@ def across_breakpoints(objective: Objective, point: Floats, value: float) -> tup
     """The best point found by moving one rise, fall or delay, or one (rise, fall) pair, anywhere."""
     space = objective.space
     index = space.index.tolist()
-    states = (len(space.base) - 1) // 4
+    states = space.states
     start, best, best_value = point.copy(), point, value
 
     def attempt(coordinates: list[int], values: list[float]) -> None:
@@ -193,7 +193,7 @@ def recombine(
     start. Points within `near` nats are climbed from before they are judged.
     """
     space = objective.space
-    states = (len(space.base) - 1) // 4
+    states = space.states
     for m in range(states):
         own = np.flatnonzero((space.index - 1) % states == m)
         own = own[space.index[own] > 0]

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from learn.coordinates import Coordinates, vector_of
+from learn.coordinates import NAMES, Coordinates, vector_of
 from learn.mstep import Objective, maximise
 from taskcomm.lattice import Floats
 from taskcomm.teacher import TeacherModel
@@ -52,25 +52,35 @@ class Path:
 
 
 def starting_points(
-    model: TeacherModel, space: Coordinates, count: int, delays: bool, rng: np.random.Generator
+    model: TeacherModel, space: Coordinates, count: int, rng: np.random.Generator
 ) -> list[tuple[str, Floats]]:
-    """The initial model first, then wide supports (long falls, no delay), then seeded random ones."""
-    states = len(model.approvals)
+    """The initial model first, then wide supports (long falls, no delay), then seeded random ones.
+
+    Where decays are learned, plateaus that fade in a few seconds come early.
+    """
+    states, longest = len(model.approvals), space.longest
     vector = vector_of(model)
 
-    def with_times(rise: ArrayLike, fall: ArrayLike, delay: ArrayLike) -> Floats:
-        other = vector.copy()
-        times = [np.broadcast_to(value, states) for value in (rise, fall, delay)]
-        other[1 + states :] = np.where(space.free[1 + states :], np.concatenate(times), vector[1 + states :])
-        return space.point(other)
+    def with_times(**times: ArrayLike) -> Floats:
+        rows = vector[1:].reshape(len(NAMES), states).copy()
+        for name, values in times.items():
+            rows[NAMES.index(name)] = values
+        other = np.concatenate([vector[:1], rows.ravel()])
+        return space.point(np.where(space.free, np.minimum(other, longest), vector))
 
     points = [("initial", space.point(vector))]
     for rise, fall in ((1.0, 6.0), (4.0, 6.0), (model.dt, 8.0)):
-        points.append((f"wide: rise {rise:g} s, fall {fall:g} s", with_times(rise, fall, 0.0)))
-    if delays:
-        points.insert(2, ("late: rise 1 s, fall 2 s, delay 0.75 s", with_times(1.0, 2.0, 0.75)))
+        point = with_times(rise=rise, fall=fall, delay=0.0)
+        points.append((f"wide: rise {rise:g} s, fall {fall:g} s", point))
+    if "delay" in space.kinds:
+        late = with_times(rise=1.0, fall=2.0, delay=0.75)
+        points.insert(2, ("late: rise 1 s, fall 2 s, delay 0.75 s", late))
+    if "decay" in space.kinds:
+        points.insert(1, ("fading: decay 3 s, fall 4 s", with_times(fall=4.0, delay=0.0, decay=3.0)))
     while len(points) < count:
         rise, fall = model.dt * np.exp(rng.uniform(0, np.log(12), size=(2, states)))
-        name = f"random {len(points)}"
-        points.append((name, with_times(rise, fall, rng.uniform(0, 1, size=states) * delays)))
+        delay = rng.uniform(0, 1, size=states)
+        decay = model.dt * np.exp(rng.uniform(0, np.log(60), size=states))
+        random = with_times(rise=rise, fall=fall, delay=delay, decay=decay)
+        points.append((f"random {len(points)}", random))
     return points[:count]

@@ -2,11 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
 from typing import NamedTuple
 
-from learn.coordinates import names_of, vector_of
+from learn.coordinates import NAMES, names_of, vector_of
+from learn.settings import Settings
 from taskcomm.lattice import Bools, Floats
 from taskcomm.teacher import TeacherModel
+
+OPTIONAL = (".delay", ".decay", ".hold")
 
 
 class Start(NamedTuple):
@@ -48,7 +52,8 @@ class FitResult:
     states). `steps` and `presses` count, for every parameter, the expected steps and presses whose
     probability it changes (for mistake: steps in which nothing else could be the reason, and expected
     mistakes). `marks` are remarks by parameter: "no data", "fixed", "at its bound", "at a kink",
-    "ridge"; `remarks` says the same in sentences.
+    "ridge"; `remarks` says the same in sentences. `num_free` is how many coordinates were learned (a
+    shared parameter is one), for BIC; `free` (1 + 6 M,) which parameters.
     """
 
     model: TeacherModel
@@ -74,26 +79,24 @@ class FitResult:
     marks: Mapping[str, str]
     remarks: tuple[str, ...]
     free: Bools
+    num_free: int
+    settings: Settings
 
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the parameters: mistake, that_mov.peak, ..."""
         return names_of(list(self.model.approvals))
 
-    @property
-    def num_free(self) -> int:
-        """How many parameters were learned, for BIC."""
-        return int(self.free.sum())
-
     def table(self) -> tuple[Row, ...]:
-        """A row for each parameter: mistake, then approval by approval; delays only where they matter."""
+        """A row for each parameter: mistake, then approval by approval.
+
+        Delays, decays and holds have one only where they were learned, or given.
+        """
         before = dict(zip(self.parameters, map(float, vector_of(self.initial)), strict=True))
         after = dict(zip(self.parameters, map(float, vector_of(self.model)), strict=True))
-        order = ["mistake"] + [
-            f"{state}.{name}" for state in self.model.approvals for name in ("peak", "rise", "fall", "delay")
-        ]
+        order = ["mistake"] + [f"{state}.{name}" for state in self.model.approvals for name in NAMES]
         return tuple(
             Row(name, before[name], after[name], self.presses[name], self.steps[name], self.marks[name])
             for name in order
-            if not name.endswith(".delay") or before[name] or self.marks[name] != "fixed"
+            if not name.endswith(OPTIONAL) or self.marks[name] != "fixed" or before[name] not in (0, inf)
         )

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from learn.coordinates import LEAST_ODDS, NAMES, Coordinates, names_of, parameters_at
+from learn.coordinates import LEAST_ODDS, NAMES, Coordinates, names_of, parameters_at, states_of
 from learn.estep import Expectation
 from learn.mstep import Objective
 from learn.optimum import TOLERANCE, Slopes
@@ -17,7 +17,7 @@ STRETCH = 1.05
 
 
 class Informed(NamedTuple):
-    """Expected steps and presses that each natural parameter bears on, (1 + 4 M,), and the highest
+    """Expected steps and presses that each natural parameter bears on, (1 + 6 M,), and the highest
     level that each approval state has shown, (M,)."""
 
     steps: Floats
@@ -33,17 +33,18 @@ def informed(objective: Objective, vector: Floats, expectation: Expectation) -> 
     """
     from learn import _slopes
 
-    chain, states = objective.evidence.chain, (len(vector) - 1) // 4
+    chain, states = objective.evidence.chain, states_of(vector)
 
     def counted(at: Floats) -> Informed:
-        chain.trace(parameters_at(at, objective.base))
-        steps, presses, reached = np.zeros((5, states)), np.zeros((5, states)), np.zeros(states)
+        parameters = parameters_at(at, objective.base)
+        chain.trace(parameters)
+        steps, presses, reached = np.zeros((7, states)), np.zeros((7, states)), np.zeros(states)
         _slopes.informed(
             chain.lattice, chain.share, chain.slope, expectation.memory, expectation.press, steps, presses,
             reached,
         )  # fmt: skip
-        reached[np.isfinite(objective.base.decay) & (reached > 0)] = 1.0  # a plateau that decays hides it
-        flat = [np.concatenate([counts[4, :1], counts[:4].ravel()]) for counts in (steps, presses)]
+        reached[np.isfinite(parameters.decay) & (reached > 0)] = 1.0  # a plateau that decays hides it
+        flat = [np.concatenate([counts[6, :1], counts[:6].ravel()]) for counts in (steps, presses)]
         return Informed(flat[0], flat[1], reached)
 
     longer, times = vector.copy(), slice(1 + states, 1 + 3 * states)
@@ -86,7 +87,7 @@ def ridges(objective: Objective, point: Floats) -> list[bool]:
     """Whether peak, rise and fall of each approval state can grow together and change nothing."""
     space, value = objective.space, objective.value(point)
     vector = space.vector(point)
-    states = (len(vector) - 1) // 4
+    states = states_of(vector)
     result = []
     for m in range(states):
         rows = [1 + m, 1 + states + m, 1 + 2 * states + m]

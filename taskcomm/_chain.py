@@ -20,10 +20,10 @@ def trace(
     lattice: Any, first: int, last: int, dt: float, rise: Any, fall: Any, late: Any, part: Any, decay: Any,
     hold: Any, share: Any, slope: Any,
 ) -> None:  # fmt: skip
-    """Write `share` along every track, and to `slope` (3, size) its rates in rise, fall and delay.
+    """Write `share` along every track, and to `slope` (5, size) its rates in rise, fall, delay, decay, hold.
 
     Where a level has just reached 0 or 1 the rates are those of staying there; in the delay they are
-    those towards a longer one.
+    those towards a longer one, in the hold those towards a shorter one.
     """
     for j in range(lattice.unit_tracks[first], lattice.unit_tracks[last]):
         m = lattice.track_state[j]
@@ -59,16 +59,20 @@ def trace(
                     on_by_delay = 0.0
                     if level <= 0.0:
                         level = by_rise = by_fall = by_delay = 0.0
-            factor, factor_by_delay = 1.0, 0.0
+            factor, by_decay, by_hold, factor_by_delay = 1.0, 0.0, 0.0, 0.0
             if lattice.rests[rest + i]:
                 factor = 0.0
             elif decay[m] < math.inf and on_time > hold[m]:
                 factor = math.exp(-(on_time - hold[m]) / decay[m])
+                by_hold = level * factor / decay[m]
+                by_decay = by_hold * (on_time - hold[m]) / decay[m]
                 factor_by_delay = -factor * on_by_delay / decay[m]
             share[at + i] = level * factor
             slope[0, at + i] = by_rise * factor
             slope[1, at + i] = by_fall * factor
             slope[2, at + i] = by_delay * factor + level * factor_by_delay
+            slope[3, at + i] = by_decay
+            slope[4, at + i] = by_hold
 
 
 @_kernel

@@ -64,7 +64,7 @@ class Chain:
         memories, layers = len(lattice.memory_next), len(lattice.layer_first)
         self.lattice = lattice
         self.units = len(lattice.unit_layers) - 1
-        self.share, self.slope = np.zeros(lattice.size), np.zeros((3, lattice.size))
+        self.share, self.slope = np.zeros(lattice.size), np.zeros((5, lattice.size))
         self.quiet, self.entered, self.left, self.ahead, self.memory = np.zeros((5, memories))
         self.flow = np.zeros(lattice.memory_next.shape)
         self.total, self.log_likelihood = np.zeros(layers), np.zeros(self.units)

@@ -13,11 +13,14 @@ Levels = dict[tuple[int, int], Floats]
 
 
 def log_likelihoods(trial: Trial, cue_names: list[str], vectors: Floats) -> Floats:
-    """Nats, shape (B,), for `vectors` (B, 1 + 4 M): mistake, then peaks, rises, falls, delays."""
+    """Nats, shape (B,), for `vectors` (B, 1 + 4 M or more): mistake, peaks, rises, falls, delays; no decay."""
     states, dt, task = len(cue_names), trial.dt, list(trial.world.tasks).index(trial.task)
     rows = [list(trial.world.cue_names).index(name) for name in cue_names]
     cues = np.array([[trial.world.cues(state)[row, task] for row in rows] for state in trial.states])
-    mistake, (peak, rise, fall, delay) = vectors[:, 0], vectors[:, 1:].T.reshape(4, states, -1)
+    mistake, (peak, rise, fall, delay) = (
+        vectors[:, 0],
+        vectors[:, 1 : 1 + 4 * states].T.reshape(4, states, -1),
+    )
     late = np.floor(delay / dt + 1e-9).astype(int)
     early = np.maximum(0.0, delay - late * dt)
     never = (-1,) * states

@@ -27,7 +27,7 @@ def _trials() -> tuple[Trial, ...]:
 
 
 def _evidence(trials: tuple[Trial, ...], model: TeacherModel) -> tuple[Evidence, Coordinates]:
-    space = Coordinates(model, Bounds(), np.arange(13) < 10)
+    space = Coordinates(model, Bounds(), np.arange(19) < 10)
     extent = space.extent(model.parameters(WORLD.cue_names))
     return Evidence(expose(trials, WORLD, model, extent)), space
 
@@ -67,7 +67,7 @@ def test_from_summaries_is_the_m_step() -> None:
     point = space.point(vector_of(OFF_LATTICE))
     point, _ = maximise(objective, point, objective.expect(point), None, steps=3)
     np.testing.assert_allclose(vector_of(distribution.model), space.vector(point), rtol=1e-7)
-    assert np.abs(vector_of(distribution.model) / vector_of(OFF_LATTICE).clip(1e-9) - 1)[:10].max() > 0.1
+    assert np.abs(vector_of(distribution.model)[:10] / vector_of(OFF_LATTICE)[:10] - 1).max() > 0.1
 
 
 def test_em_with_the_distribution_alone_never_lets_the_likelihood_fall() -> None:

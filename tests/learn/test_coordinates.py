@@ -1,6 +1,7 @@
 """Coordinates that cannot leave the model, and climbs over functions with kinks."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,14 +16,16 @@ from taskcomm.teacher import TeacherModel
 from taskcomm.world import BallWorld
 
 Floats = NDArray[np.float64]
-MODEL = teacher(delays=(0.3, 0.0, 1.25))
+LATE = teacher(delays=(0.3, 0.0, 1.25))
+TOPS = {state: replace(top, decay=3.0, hold=0.4) for state, top in LATE.approvals.items()}
+MODEL = replace(LATE, approvals=TOPS)
 
 
 def _space(free: list[bool] | None = None) -> Coordinates:
-    return Coordinates(MODEL, Bounds(), np.array([True] * 13 if free is None else free))
+    return Coordinates(MODEL, Bounds(), np.array([True] * 19 if free is None else free))
 
 
-@given(st.lists(st.floats(-30, 30), min_size=13, max_size=13))
+@given(st.lists(st.floats(-30, 30), min_size=19, max_size=19))
 def test_every_point_within_the_bounds_is_a_model(values: list[float]) -> None:
     space = _space()
     point = np.clip(np.array(values), space.least, space.most)
@@ -31,19 +34,19 @@ def test_every_point_within_the_bounds_is_a_model(values: list[float]) -> None:
     assert all(0.5 <= top.rise <= 10.0001 and 0 <= top.delay <= 2 for top in model.approvals.values())
 
 
-@given(st.lists(st.floats(-6, 6), min_size=13, max_size=13))
+@given(st.lists(st.floats(-6, 6), min_size=19, max_size=19))
 def test_vector_and_point_are_inverses(values: list[float]) -> None:
     space = _space()
     point = np.clip(np.array(values), space.least, space.most)
     np.testing.assert_allclose(space.point(space.vector(point)), point, rtol=0, atol=1e-9)
 
 
-@given(st.lists(st.booleans(), min_size=13, max_size=13), st.integers(0, 100))
+@given(st.lists(st.booleans(), min_size=19, max_size=19), st.integers(0, 100))
 def test_rates_in_coordinates_are_those_of_any_function_of_the_parameters(
     free: list[bool], seed: int
 ) -> None:
     space, rng = _space(free), np.random.default_rng(seed)
-    tilt = rng.normal(size=13)
+    tilt = rng.normal(size=19)
     vector = vector_of(MODEL)
     point = space.point(vector)
     rates = space.rates(vector, tilt)
@@ -54,7 +57,7 @@ def test_rates_in_coordinates_are_those_of_any_function_of_the_parameters(
 
 
 def test_what_is_not_free_does_not_move() -> None:
-    space = _space([True, False, True, True] + [False] * 9)
+    space = _space([True, False, True, True] + [False] * 15)
     vector = space.vector(space.point(vector_of(MODEL)) + 0.7)
     np.testing.assert_array_equal(vector[~space.free], vector_of(MODEL)[~space.free])
     assert (vector[[0, 2, 3]] > vector_of(MODEL)[[0, 2, 3]]).all()

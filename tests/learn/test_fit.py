@@ -77,6 +77,44 @@ def test_delays_are_found_again_when_they_are_asked_for() -> None:
     assert all(top.delay == 0 for top in without.model.approvals.values())
 
 
+def test_a_shared_delay_and_decays_are_found_again() -> None:
+    late = teacher(peaks=(0.3, 0.3, 0.3), delays=(0.8, 0.8, 0.8))
+    tops = {state: replace(top, decay=2.0) for state, top in late.approvals.items()}
+    trials = operator_trials(60, replace(late, approvals=tops))
+    plain = fit(trials, WORLD, starts=2)
+    found = fit(trials, WORLD, starts=3, delays="shared", decays=True)
+    assert found.log_likelihood > plain.log_likelihood + 20
+    assert found.num_free == plain.num_free + 1 + 3
+    delays = {top.delay for top in found.model.approvals.values()}
+    assert len(delays) == 1
+    assert 0.3 < delays.pop() < 1.3
+    decays = [top.decay for top in found.model.approvals.values()]
+    assert all(decay is not None and 1 < decay < 5 for decay in decays)
+
+
+def test_whole_number_weights_count_trials_so_many_times() -> None:
+    trials = operator_trials(8, TRUTH)
+    weights = [2, 0, 1, 1, 3, 0, 1, 1]
+    weighted = fit(trials, WORLD, starts=1, weights=weights)
+    repeated = [
+        replace(trial, trial_id=f"{trial.trial_id}-{k}")
+        for trial, w in zip(trials, weights, strict=True)
+        for k in range(w)
+    ]
+    expected = fit(repeated, WORLD, starts=1)
+    assert weighted.objective == pytest.approx(expected.objective, abs=1e-6)
+    assert sum(weighted.presses.values()) == pytest.approx(sum(expected.presses.values()), rel=0.02)
+    np.testing.assert_allclose(
+        [r.sum() for r in weighted.responsibilities], [t.presses.sum() for t in trials]
+    )
+
+
+@pytest.mark.parametrize("weights", [[1.0], [0.0] * 8, [1.0] * 7 + [-1.0]])
+def test_weights_that_cannot_be_are_one_error(weights: list[float]) -> None:
+    with pytest.raises(FitError, match="weights: must be"):
+        fit(operator_trials(8, TRUTH), WORLD, weights=weights)
+
+
 def test_an_unknown_task_costs_little_when_trials_show_it() -> None:
     trials = operator_trials(8, TRUTH)
     blind = tuple(replace(trial, task=None) for trial in trials[:4]) + trials[4:]
@@ -219,8 +257,9 @@ def test_a_world_without_balls_is_fitted_like_any_other(num_cues: int) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"starts": 0}, "starts and max_iter must be at least 1"),
-        ({"max_iter": 0}, "starts and max_iter must be at least 1"),
+        ({"starts": 0}, "starts: must be at least 1, not 0"),
+        ({"max_iter": 0}, "max_iter: must be at least 1, not 0"),
+        ({"delays": "none"}, "delays: must be False, True or 'shared', not 'none'"),
         ({"task_prior": [1.0]}, "prior: must be 24 probabilities"),
     ],
 )

@@ -48,7 +48,7 @@ def plain_slopes(trials: tuple[Trial, ...], model: TeacherModel) -> Floats:
 
 
 def objective_of(trials: tuple[Trial, ...], model: TeacherModel) -> Objective:
-    free = np.arange(13) < 10
+    free = np.arange(19) < 10
     space = Coordinates(model, Bounds(), free)
     base = model.parameters(WORLD.cue_names)
     exposure = expose(trials, WORLD, model, space.extent(base))

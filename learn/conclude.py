@@ -1,0 +1,112 @@
+"""From the end of a climb to a FitResult: the point settled, tested, counted and marked."""
+
+import platform
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from learn.coordinates import model_at, names_of, parameters_at
+from learn.mstep import Objective
+from learn.optimum import TOLERANCE, one_sided_slopes
+from learn.path import Path
+from learn.result import FitResult, Start
+from learn.settings import Settings
+from learn.statistics import informed, marks_of, remarks_of, ridges, settle
+from taskcomm.lattice import Floats
+from taskcomm.teacher import TeacherModel
+
+
+def conclude(
+    initial: TeacherModel, objective: Objective, paths: Sequence[Path], best: int, settings: Settings
+) -> FitResult:
+    """The result of a fit whose best path has ended at its optimum."""
+    exposure = objective.evidence.exposure
+    space, path, states = objective.space, paths[best], list(initial.approvals)
+    point = settle(objective, path.point)
+    vector = space.vector(point)
+    slopes = one_sided_slopes(objective.value, space, point)
+    expectation = objective.expect(point)
+    seen = informed(objective, vector, expectation)
+    responsibilities = _responsibilities(objective, vector)
+    marks = marks_of(space, point, slopes, seen, ridges(objective, point), states)
+    value = expectation.value + objective.log_prior(vector)
+    status = "converged"
+    if not path.converged:
+        status = f"not converged: EM still rising after {path.iterations} iterations"
+    elif slopes.steepest > TOLERANCE:
+        status = f"not converged: a slope of {slopes.steepest:.3g} nats is left, above {TOLERANCE:g}"
+    em_alone = max(path.em_alone for path in paths)
+    names = names_of(states)
+    model = model_at(vector, initial)
+    provenance = {
+        "made_by": "learn.fit",
+        "versions": _versions(),
+        "settings": settings.to_dict(),
+        "initial_sha256": initial.sha256,
+        **(
+            {"initial_conversion": conversion} if (conversion := initial.provenance.get("conversion")) else {}
+        ),
+        "trials": len(exposure.hashes),
+        "trial_sha256": sorted(exposure.hashes),
+        "log_likelihood": expectation.value,
+        "converged": status == "converged",
+        "status": status,
+    }
+    return FitResult(
+        model=replace(model, provenance=provenance),
+        initial=initial,
+        log_likelihood=expectation.value,
+        objective=value,
+        converged=status == "converged",
+        status=status,
+        iterations=path.iterations,
+        paths=tuple(np.array(path.values) for path in paths),
+        starts=tuple(
+            Start(p.name, p.values[0], p.em_alone, p.iterations, p.converged, p.searched) for p in paths
+        ),
+        best_start=best,
+        em_alone=em_alone,
+        search_gain=value - em_alone,
+        steepest=slopes.steepest,
+        monotone=all(_never_falls(path.values) for path in paths),
+        trial_ids=exposure.trial_ids,
+        trial_hashes=exposure.hashes,
+        log_likelihoods=expectation.log_likelihood,
+        responsibilities=responsibilities,
+        steps=dict(zip(names, map(float, seen.steps), strict=True)),
+        presses=dict(zip(names, map(float, seen.presses), strict=True)),
+        marks=marks,
+        remarks=remarks_of(marks, states),
+        free=space.free.copy(),
+        num_free=len(space.index),
+        settings=settings,
+    )
+
+
+def _never_falls(values: Sequence[float]) -> bool:
+    return bool((np.diff(values) >= -1e-10 * np.abs(values[:-1])).all()) if len(values) > 1 else True
+
+
+def _responsibilities(objective: Objective, vector: Floats) -> tuple[Floats, ...]:
+    """P(M_t = m | trial) of every press of every trial."""
+    evidence, exposure = objective.evidence.with_weights(None), objective.evidence.exposure
+    evidence.expect(parameters_at(vector, objective.base))
+    chain = evidence.chain
+    result = [np.zeros((count, 2 + len(objective.base.peak))) for count in exposure.presses]
+    for unit, trial in enumerate(exposure.unit_trial):
+        result[trial][:, 1:] += chain.reasons(unit)
+    return tuple(result)
+
+
+def _versions() -> dict[str, str]:
+    import numba
+
+    from taskcomm import __version__
+
+    return {
+        "taskcomm": __version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "numba": numba.__version__,
+    }
