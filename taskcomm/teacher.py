@@ -16,27 +16,13 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from taskcomm.channels import ObservationModel
+from taskcomm.modelfields import ModelError as ModelError
+from taskcomm.modelfields import number
 from taskcomm.wholefile import write_whole
 
 SCHEMA = "taskcomm.teacher/1"
 UNITS = {"time": "second", "probability": "per time step"}
-
-
-class ModelError(ValueError):
-    """A teacher model that cannot be; the message names the field."""
-
-
-def _number(name: str, value: Any, above: bool = False) -> float:
-    """`value` as a finite float of at least 0, or above it."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise ModelError(f"{name}: must be a number, not {value!r}")
-    try:
-        number = float(value) + 0.0  # -0.0 is 0.0
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number) or number < 0 or (above and number == 0):
-        raise ModelError(f"{name}: must be finite and {'above' if above else 'at least'} 0, not {value!r}")
-    return number
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,11 +53,11 @@ class TableTop:
         if not isinstance(self.cue, str) or not self.cue:
             raise ModelError(f"cue: must be the name of a cue, not {self.cue!r}")
         for name in ("peak", "delay", "hold"):
-            object.__setattr__(self, name, _number(name, getattr(self, name)))
+            object.__setattr__(self, name, number(name, getattr(self, name)))
         for name in ("rise", "fall"):
-            object.__setattr__(self, name, _number(name, getattr(self, name), above=True))
+            object.__setattr__(self, name, number(name, getattr(self, name), above=True))
         if self.decay is not None:
-            object.__setattr__(self, "decay", _number("decay", self.decay, above=True))
+            object.__setattr__(self, "decay", number("decay", self.decay, above=True))
         if self.peak >= 1:
             raise ModelError(f"peak: must be below 1, not {self.peak:g}")
 
@@ -104,8 +90,9 @@ class TeacherModel:
     """The teacher's mental state M_t given what the robot has shown.
 
     M_t is `mistake` with probability `mistake`, an approval state m with the probability of its
-    table-top, and otherwise `waiting`; the spacebar is pressed exactly when M_t is not `waiting`.
-    For `rest` seconds after a press no approval follows. `dt` is the length of a step in seconds.
+    table-top, and otherwise `waiting`; the spacebar is pressed exactly when M_t is not `waiting`,
+    unless `observation` says otherwise. For `rest` seconds after a press (the key going down, for whatever
+    reason) no approval follows. `dt` is the length of a step in seconds.
     `provenance` is free: where the model came from, kept in its file.
 
     Raises ModelError naming the field: mistake must be above 0, mistake and the peaks must sum to
@@ -123,10 +110,11 @@ class TeacherModel:
     dt: float = 0.5
     rest: float = 0.0
     provenance: Mapping[str, Any] = field(default_factory=dict, compare=False)
+    observation: ObservationModel = field(default_factory=ObservationModel)
 
     def __post_init__(self) -> None:
         for name, above in (("mistake", True), ("dt", True), ("rest", False)):
-            object.__setattr__(self, name, _number(name, getattr(self, name), above=above))
+            object.__setattr__(self, name, number(name, getattr(self, name), above=above))
         if not isinstance(self.approvals, Mapping) or not self.approvals:
             raise ModelError("approvals: must map at least one mental state to its TableTop")
         for state, top in self.approvals.items():
@@ -145,14 +133,18 @@ class TeacherModel:
             raise ModelError(f"mistake and peaks: must sum to less than 1, not {total:g}")
         if not isinstance(self.provenance, Mapping):
             raise ModelError(f"provenance: must be a mapping, not {self.provenance!r}")
+        if not isinstance(self.observation, ObservationModel):
+            raise ModelError(f"observation: must be an ObservationModel, not {self.observation!r}")
+        self.observation.check(self.mental_states)
         object.__setattr__(self, "approvals", MappingProxyType(dict(self.approvals)))
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
 
     def __hash__(self) -> int:
-        return hash((self.mistake, self.dt, self.rest, frozenset(self.approvals.items())))
+        return hash((self.mistake, self.dt, self.rest, frozenset(self.approvals.items()), self.observation))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuild, (self.mistake, dict(self.approvals), self.dt, self.rest, dict(self.provenance))
+        values = self.mistake, dict(self.approvals), self.dt, self.rest, dict(self.provenance)
+        return _rebuild, (*values, self.observation)
 
     @classmethod
     def intuitive(cls) -> Self:
@@ -174,9 +166,10 @@ class TeacherModel:
 
         The total press probability P = mistake + sum of peaks becomes 1 - (1 - P)^(dt' / dt),
         split in the old proportions; times stay. Approximate, since levels are sampled at the
-        ends of steps. Rise and fall below the new dt become dt, below which nothing changes.
+        ends of steps. Rise and fall below the new dt become dt, below which nothing changes. A key that
+        fires by itself does so as often per second; the other observation probabilities stay as they are.
         """
-        dt = _number("dt", dt, above=True)
+        dt = number("dt", dt, above=True)
         total = self.mistake + sum(top.peak for top in self.approvals.values())
         scale = -math.expm1(math.log1p(-total) * dt / self.dt) / total
         tops = {
@@ -187,7 +180,16 @@ class TeacherModel:
             "converted_from_dt": self.dt,
             "conversion": f"from dt = {self.dt:g} s to {dt:g} s, approximate",
         }
-        return replace(self, mistake=self.mistake * scale, approvals=tops, dt=dt, provenance=note)
+        seen = self.observation
+        false_press = -math.expm1(math.log1p(-seen.false_press) * dt / self.dt)
+        return replace(
+            self,
+            mistake=self.mistake * scale,
+            approvals=tops,
+            dt=dt,
+            provenance=note,
+            observation=replace(seen, false_press=false_press),
+        )
 
     def parameters(self, cue_names: Sequence[str]) -> Parameters:
         """The model as arrays, its cues as rows of a cue table with these names."""
@@ -220,12 +222,14 @@ class TeacherModel:
         return parameters
 
     def _fields(self) -> dict[str, Any]:
-        return {
+        fields = {
             "dt": self.dt,
             "mistake": self.mistake,
             "rest": self.rest,
             "approvals": {state: asdict(top) for state, top in self.approvals.items()},
         }
+        seen = self.observation
+        return fields if seen.is_exact_key else fields | {"observation": seen.to_dict()}
 
     @property
     def sha256(self) -> str:
@@ -269,7 +273,7 @@ class TeacherModel:
         units = document.pop("units", UNITS)
         if units != UNITS:
             raise ModelError(f"units: must be {UNITS}, not {units!r}")
-        known = {"dt", "mistake", "rest", "approvals", "provenance"}
+        known = {"dt", "mistake", "rest", "approvals", "observation", "provenance"}
         for name in sorted({"dt", "mistake", "approvals"} - set(document)):
             raise ModelError(f"{name}: missing")
         for name in sorted(map(str, set(document) - known)):
@@ -280,7 +284,8 @@ class TeacherModel:
         tops = {state: _table_top(f"approvals.{state}", top) for state, top in approvals.items()}
         if not isinstance(document.get("provenance", {}), Mapping):
             raise ModelError("provenance: must be an object")
-        return cls(approvals=tops, **document)
+        seen = _observation(document.pop("observation", {}))
+        return cls(approvals=tops, observation=seen, **document)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model file; an existing file is replaced whole or left as it was.
@@ -308,6 +313,13 @@ def _object(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
 
 def _rebuild(*values: Any) -> TeacherModel:
     return TeacherModel(*values)
+
+
+def _observation(document: Any) -> ObservationModel:
+    try:
+        return ObservationModel.from_dict(document)
+    except ModelError as error:
+        raise ModelError(f"observation: {error}") from None
 
 
 def _table_top(name: str, document: Any) -> TableTop:

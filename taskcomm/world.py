@@ -26,7 +26,9 @@ class World(Protocol):
       (without it, anywhere);
     - `route(state, task) -> sequence of actions`: a shortest way to such a state (without it,
       breadth-first search finds one);
-    - `spec() -> dict`: what a log needs to build the World again.
+    - `spec() -> dict`: what a log needs to build the World again;
+    - `roles(task) -> mapping`: the role under `task` of everything that a signal may be about (a look at a
+      ball), by its name; the same names under every task.
     """
 
     @property
@@ -163,6 +165,11 @@ class BallWorld:
         """What a log says of this world; `BallWorld(**fields)` without the name builds it again."""
         spec = {"name": "BallWorld", "num_balls": self.num_balls, "num_distances": self.num_distances}
         return spec | ({"slide_unheld": True} if self.slide_unheld else {})
+
+    def roles(self, task: Task) -> dict[str, str]:
+        """What each ball ("1", "2", ...) is under `task`: mov, wrt or other."""
+        named = {task.mov: "mov", task.wrt: "wrt"}
+        return {str(ball): named.get(ball, "other") for ball in range(1, self.num_balls + 1)}
 
     def start(self) -> BallState:
         """Nothing lit, held or placed."""
