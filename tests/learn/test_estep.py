@@ -107,6 +107,20 @@ def test_rates_are_those_of_the_likelihood_off_kinks(decay: float | None, rest: 
         assert rate == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=2e-5, abs=2e-4)
 
 
+def test_weights_multiply_the_log_likelihoods_of_trials_and_all_that_is_expected() -> None:
+    evidence, _ = _evidence(_mixed(), OFF_LATTICE)
+    base = OFF_LATTICE.parameters(WORLD.cue_names)
+    weights = np.array([2.0, 0.0, 1.0, 0.5, 3.0, 1.0])
+    each = [_evidence((trial,), OFF_LATTICE)[0].expect(base) for trial in _mixed()]
+    weighted = evidence.with_weights(weights).expect(base)
+    assert weighted.value == pytest.approx(sum(w * one.value for w, one in zip(weights, each, strict=True)))
+    np.testing.assert_allclose(
+        weighted.rates, sum(w * one.rates for w, one in zip(weights, each, strict=True)), rtol=1e-9
+    )
+    counts = [w * one.press.sum() for w, one in zip(weights, each, strict=True)]
+    assert weighted.press.sum() == pytest.approx(sum(counts))
+
+
 def test_at_its_own_parameters_the_expected_log_likelihood_has_the_rates_of_the_likelihood() -> None:
     """Fisher's identity."""
     evidence, _ = _evidence(_mixed(), OFF_LATTICE)
