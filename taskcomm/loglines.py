@@ -72,14 +72,15 @@ class TrialStart(Line, kw_only=True, tag="trial_start"):
 
 
 class StepLine(Line, kw_only=True, tag="step"):
-    """One time step `t`, from 0: the action, then whether the spacebar was pressed."""
+    """One time step `t`, from 0: the action, then the spacebar (null: not recorded) and other signals."""
 
     t: Natural
     action: ActionPart
     action_source: Literal["planner", "operator", "default"]
-    press: bool
+    press: bool | None
     timing: dict[str, float] | None = None
     mental_state: Name | None = None
+    signals: dict[Name, str | float] | None = None
 
 
 class EventLine(Line, kw_only=True, tag="event"):
@@ -162,7 +163,7 @@ def structure(document: dict[str, Any]) -> Line | None:
     >>> structure({"type": "step", "trial_id": "a", "seq": 1, "t": 0, "press": 1,
     ...            "action": {"name": "noa"}, "action_source": "planner"})
     Traceback (most recent call last):
-    taskcomm.loglines.LineError: step line: press: expected `bool`, got `int`
+    taskcomm.loglines.LineError: step line: press: expected `bool | null`, got `int`
     """
     kind = document.get("type")
     if not isinstance(kind, str):

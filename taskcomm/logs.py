@@ -175,7 +175,12 @@ def _start(trial: Trial) -> dict[str, Any]:
 
 def _step(t: int, step: Step) -> dict[str, Any]:
     line: dict[str, Any] = {"type": "step", "t": t, "action": action_part(step.action)}
-    line |= {"action_source": step.action_source, "press": bool(step.pressed)}
+    line |= {
+        "action_source": step.action_source,
+        "press": None if step.pressed is None else bool(step.pressed),
+    }
+    if step.signals is not None:
+        line["signals"] = dict(step.signals)
     if step.timing is not None:
         line["timing"] = dict(step.timing)
     if step.mental_state is not None:

@@ -69,8 +69,9 @@ class OpenTrial:
         if line.t != len(self.steps):
             raise LineError(f"t: {line.t} where {len(self.steps)} was due; steps are missing or out of order")
         action, self.state = self.index.step(self.state, line.action)
-        self.presses[line.seq] = line.press
-        self.steps.append(Step(action, line.press, line.action_source, line.mental_state, line.timing))
+        self.presses[line.seq] = bool(line.press)
+        known = line.action_source, line.mental_state, line.timing, line.signals
+        self.steps.append(Step(action, line.press, *known))
 
     def _add_end(self, line: TrialEnd) -> None:
         if self.end is not None:

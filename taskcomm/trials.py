@@ -14,17 +14,19 @@ from taskcomm.world import World
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One time step: the robot's action, then whether the spacebar was pressed.
+    """One time step: the robot's action, then whether the spacebar was pressed (None: not recorded).
 
-    `action_source` is `planner`, `operator` or `default`; `mental_state` is known in simulated
-    trials only; `timing` holds onset, late_ms and plan_ms where they were measured.
+    `signals` are further observations by the name of their channel. `action_source` is `planner`, `operator`
+    or `default`; `mental_state` is known in simulated trials only; `timing` holds onset, late_ms and plan_ms
+    where they were measured.
     """
 
     action: Hashable
-    pressed: bool
+    pressed: bool | None
     action_source: str = "planner"
     mental_state: str | None = None
     timing: Mapping[str, float] | None = None
+    signals: Mapping[str, str | float] | None = None
 
 
 @dataclass(frozen=True)
@@ -84,8 +86,22 @@ class Trial:
 
     @property
     def presses(self) -> NDArray[np.bool_]:
-        """Whether the spacebar was pressed, shape (num_steps,)."""
-        return np.array([step.pressed for step in self.steps], dtype=np.bool_)
+        """Whether a press was recorded, shape (num_steps,); False too where the key was not recorded."""
+        return np.array([bool(step.pressed) for step in self.steps], dtype=np.bool_)
+
+    @property
+    def recorded(self) -> NDArray[np.bool_]:
+        """Whether the key state was recorded, shape (num_steps,)."""
+        return np.array([step.pressed is not None for step in self.steps], dtype=np.bool_)
+
+    def signals(self, name: str) -> tuple[str | float | None, ...]:
+        """The signal of one channel by step, None where it is missing."""
+        return tuple((step.signals or {}).get(name) for step in self.steps)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The names of the channels with a signal in any step, in the order in which they appear."""
+        return tuple(dict.fromkeys(name for step in self.steps for name in step.signals or {}))
 
     @cached_property
     def states(self) -> tuple[Hashable, ...]:

@@ -34,13 +34,16 @@ def trials(draw: st.DrawFn, world: Any = None) -> Trial:
         sizes = draw(st.integers(2, 4)), draw(st.integers(1, 4)), draw(st.booleans())
         world = BallWorld(*sizes)
     state, steps = world.start(), []
-    for pick, pressed in draw(st.lists(st.tuples(st.integers(0, 99), st.booleans()), max_size=12)):
+    for pick, pressed in draw(
+        st.lists(st.tuples(st.integers(0, 99), st.booleans() | st.none()), max_size=12)
+    ):
         actions = world.actions(state)
         action = actions[pick % len(actions)]
         state = world.step(state, action)
         source = draw(st.sampled_from(["planner", "operator", "default"]))
         timing = draw(st.none() | st.dictionaries(names, st.floats(-1e9, 1e9), max_size=2))
-        steps.append(Step(action, pressed, source, draw(st.none() | names), timing))
+        signals = draw(st.none() | st.dictionaries(names, texts | st.floats(-1e9, 1e9), max_size=2))
+        steps.append(Step(action, pressed, source, draw(st.none() | names), timing, signals))
     reason = draw(st.sampled_from(["final", "timeout", "aborted", None]))
     trial = Trial(
         trial_id=draw(names),

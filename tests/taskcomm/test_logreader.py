@@ -110,7 +110,7 @@ WRONG: dict[str, tuple[Change, str]] = {
         _set(1, action={"name": "light_on", "ball": "1"}),
         r":2: step line: action.ball: expected `int \| null`, got `str`",
     ),
-    "press as a number": (_set(1, press=1), r":2: step line: press: expected `bool`, got `int`"),
+    "press as a number": (_set(1, press=1), r":2: step line: press: expected `bool \| null`, got `int`"),
     "an unknown source of action": (_set(1, action_source="cat"), r":2: step line: action_source: invalid"),
     "a card that does not fit": (
         _set(0, task={"mov": 1, "wrt": 1, "dist": 2}),

@@ -6,6 +6,7 @@ import stat
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -20,9 +21,10 @@ from taskcomm.logs import (
     validate,
     write_trials,
 )
-from taskcomm.trials import Trial
+from taskcomm.observation import Signals
+from taskcomm.trials import Step, Trial
 from taskcomm.wholefile import OutputError
-from taskcomm.world import BallWorld
+from taskcomm.world import NOA, BallWorld
 
 # What is written is read again
 
@@ -42,6 +44,53 @@ def test_reading_gives_the_trials_that_were_written(
     report = validate(path)
     assert report.ok
     assert (report.trials, report.steps) == (len(written), sum(trial.num_steps for trial in written))
+
+
+def test_keys_that_were_not_recorded_and_signals_are_kept_apart_from_no_press_and_no_signal(
+    tmp_path: Path,
+) -> None:
+    kinds: list[tuple[bool | None, Signals | None]] = [
+        (True, {"gaze": "2", "angle": -0.25}),
+        (False, None),
+        (None, {"gaze": "none"}),
+        (None, {}),
+    ]
+    steps = tuple(Step(NOA, pressed, signals=signals) for pressed, signals in kinds)
+    trial = Trial("a", BallWorld(), None, steps)
+    write_trials([trial], tmp_path / "log.jsonl")
+    (again,) = read_trials(tmp_path / "log.jsonl")
+    assert [(step.pressed, step.signals) for step in again.steps] == kinds
+    assert again.presses.tolist() == [True, False, False, False]
+    assert again.recorded.tolist() == [True, True, False, False]
+    assert again.signals("gaze") == ("2", None, "none", None)
+    assert again.signals("angle") == (-0.25, None, None, None)
+    assert again.channels == ("gaze", "angle")
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"press": "no"}, r"press: expected `bool \| null`, got `str`"),
+        ({"signals": {"gaze": True}}, r"signals.*: expected `float \| str`, got `bool`"),
+        ({"signals": ["2"]}, r"signals: expected `object \| null`, got `array`"),
+    ],
+)
+def test_a_key_or_a_signal_that_cannot_be_is_named_with_its_line(
+    tmp_path: Path, change: dict[str, Any], reason: str
+) -> None:
+    lines = lines_of(played())
+    lines[2] |= change
+    with pytest.raises(LogError, match=rf"log.jsonl:3: step line: {reason}"):
+        read_trials(dump(tmp_path / "log.jsonl", lines))
+
+
+def test_no_label_can_be_put_on_a_step_whose_key_was_not_recorded(tmp_path: Path) -> None:
+    lines = lines_of(Trial("a", BallWorld(), None, (Step(NOA, None),)))
+    lines.append({"type": "label", "trial_id": "a", "seq": 2, "press_seq": 1, "mental_state": "mistake"})
+    with pytest.raises(
+        LogError, match=r"log.jsonl:3: press_seq: line 1 of this trial is no step with a press"
+    ):
+        read_trials(dump(tmp_path / "log.jsonl", lines))
 
 
 @settings(max_examples=40)
