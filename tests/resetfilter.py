@@ -13,7 +13,7 @@ Levels = dict[tuple[int, int], Floats]
 
 
 def log_likelihoods(trial: Trial, cue_names: list[str], vectors: Floats) -> Floats:
-    """Nats, shape (B,), for `vectors` (B, 1 + 4 M or more): mistake, peaks, rises, falls, delays; no decay."""
+    """Nats, shape (B,), for `vectors` (B, at least 1 + 4 M): mistake, peaks, rises, falls, delays."""
     states, dt, task = len(cue_names), trial.dt, list(trial.world.tasks).index(trial.task)
     rows = [list(trial.world.cue_names).index(name) for name in cue_names]
     cues = np.array([[trial.world.cues(state)[row, task] for row in rows] for state in trial.states])
