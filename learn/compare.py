@@ -186,10 +186,13 @@ def _on_logs(trials: Sequence[Trial], scored: HeldOut, threshold: float) -> dict
     known = [n for n, trial in enumerate(trials) if trial.task is not None]
     people = [scored.people[n] for n in known]
     return {
-        arm: calibration([outcome_of(trials[n], scored.model(arm, n)) for n in known], people, threshold)
+        arm: calibration(
+            [outcome_of(trials[n], scored.model(arm, n)) for n in known], people, threshold, goal=threshold,
+            dt=trials[0].dt,
+        )
         for arm in scored.arms
         if arm != BLIND and known
-    }
+    }  # fmt: skip
 
 
 def _in_the_loop(
@@ -212,5 +215,10 @@ def _in_the_loop(
             trials[0].world, robots, truths, count, horizon=horizon, seed=seed, jobs=jobs,
             threshold=threshold, max_steps=max_steps, progress=progress,
         )  # fmt: skip
-    judged = {arm: calibration(loop.outcomes[arm], loop.groups, threshold) for arm in loop.arms}
+    judged = {
+        arm: calibration(
+            loop.outcomes[arm], loop.groups, threshold, goal=threshold, ended_at=threshold, dt=loop.dt
+        )
+        for arm in loop.arms
+    }
     return {"loop": loop, "loop_calibration": judged, "truth": note, "truths": truths}

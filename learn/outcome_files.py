@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
+from learn.calibration_figure import calibration_figure, calibration_rows, threshold_rows
 from learn.compare import Comparison
 from learn.plots import (
     csv_text,
@@ -38,9 +38,14 @@ def write_comparison(
     if found.loop is not None:
         written += save(time_to_final(found.loop), directory / "time-to-final.png", found.loop.rows())
         written += save(entropy_over_time(found.loop), directory / "entropy.png", entropy_rows(found.loop))
+    places = {"logs": found.calibration, "closed loop": found.loop_calibration}
+    judged = {place: models for place, models in places.items() if models}
+    if judged:
+        figure = calibration_figure(judged)
+        written += save(figure, directory / "calibration.png", calibration_rows(judged))
     texts = {
+        "thresholds.csv": csv_text(threshold_rows(judged)),
         "held-out.csv": csv_text(found.held_out.rows(trials)),
-        "calibration.csv": csv_text(_calibration_rows(found)),
         "report.md": report(found, title=title, intro=intro, outro=outro),
     }
     for name, text in texts.items():
@@ -48,12 +53,3 @@ def write_comparison(
         written.append(directory / name)
     found.fitted.model.save(directory / "learned.json")
     return [*written, directory / "learned.json"]
-
-
-def _calibration_rows(found: Comparison) -> list[dict[str, Any]]:
-    return [
-        {"where": where, "model": arm, **row}
-        for where, judged in (("logs", found.calibration), ("closed loop", found.loop_calibration))
-        for arm, c in judged.items()
-        for row in c.rows
-    ]

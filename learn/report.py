@@ -198,26 +198,39 @@ def _calibration(found: Comparison) -> str:
         ("logs", found.calibration),
         ("closed loop", found.loop_calibration),
     )
-    rows, threshold = [], 0.98
-    for where, judged in parts:
-        for arm, c in judged.items():
-            threshold = c.threshold
-            said = f"{c.said:.3f}" if c.sure else "none"
-            name = _named(found, arm) if where == "logs" else arm
-            rows.append([f"{name}, {where}", f"{c.sure} of {c.trials}", said, span(c.right, ".3f")])
-    if not rows:
+    judged = [(where, arm, one) for where, models in parts for arm, one in models.items()]
+    if not judged:
         return ""
+    rows = []
+    for where, arm, one in judged:
+        name = _named(found, arm) if where == "logs" else arm
+        said = f"{one.said:.3f}" if one.sure else "none"
+        brier = "none" if one.scores is None else span(one.scores.brier, ".3f")
+        passed = f"{one.sure} of {one.trials}"
+        rows.append([f"{name}, {where}", passed, said, span(one.right, ".3f"), str(one.needed), brier])
+    threshold = judged[0][2].threshold
     about = _text(
         f"At the first moment of a trial at which the likeliest task passed {threshold:g}: the mean",
         "probability it then had, and the share of trials in which it was the teacher's. On the logs, the",
-        "belief follows what was done there, whoever moved the robot.",
+        "belief follows what was done there, whoever moved the robot. Then the least threshold from which",
+        f"on that share is at least {threshold:g}; in the closed loop nothing is known of thresholds above",
+        "the robots' own. The Brier score is of every moment; 0 is the best.",
     )
-    columns = ["model", f"trials that passed {threshold:g}", "said", "was right"]
+    caption = _text(
+        "Left: the share of moments in which the likeliest task was the teacher's, by the probability said",
+        "of it; on the grey line a model is right as often as it says. Middle: the share right when a trial",
+        "first passed a threshold, against that threshold (grey); a mark where the share sought begins.",
+        "Right: the mean time until then, a trial that does not get there counted at its length. Thresholds",
+        "that less than half of the trials passed are not drawn. Numbers: `calibration.csv` and",
+        "`thresholds.csv`.",
+    )
+    columns = ["model", f"passed {threshold:g}", "said", "was right", f"threshold for {threshold:g}", "Brier"]
     return "\n\n".join(
         [
             "## Is it right when it says so",
             about,
             markdown_table(columns, rows),
-            "For all probabilities, in ranges: `calibration.csv`.",
+            "![calibration](calibration.png)",
+            caption,
         ]
     )

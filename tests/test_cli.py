@@ -224,8 +224,8 @@ def test_compare_writes_a_report_and_takes_several_models_after_one_option(
     assert code == (DONE if document["folds_converged"] and "did not" not in said.err else NOT_CONVERGED)
     assert set(document["held_out"]) == {"intuitive", "model", "learned"}
     assert document["held_out"]["model"]["in_sample_trials"] == 6
-    files = {"report.md", "run.json", "comparison.json", "learned.json", "held-out.csv", "calibration.csv"}
-    for figure in ("table-tops", "time-to-final", "entropy"):
+    files = {"report.md", "run.json", "comparison.json", "learned.json", "held-out.csv", "thresholds.csv"}
+    for figure in ("table-tops", "time-to-final", "entropy", "calibration"):
         files |= {f"{figure}.png", f"{figure}.csv"}
     assert left_in(out) == files
     record = json.loads((out / "run.json").read_text(encoding="utf-8"))

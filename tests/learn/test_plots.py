@@ -120,7 +120,7 @@ def test_a_comparison_is_written_with_every_figure_its_report_shows(tmp_path: Pa
     assert sorted(path.name for path in written) == sorted(path.name for path in tmp_path.iterdir())
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
     shown = {part.split(")")[0] for part in text.split("](")[1:]}
-    assert shown == {"table-tops.png", "time-to-final.png", "entropy.png"}
+    assert shown == {"table-tops.png", "time-to-final.png", "entropy.png", "calibration.png"}
     assert all((tmp_path / name).is_file() for name in shown)
     assert TeacherModel.load(tmp_path / "learned.json") == comparison().fitted.model
     with (tmp_path / "held-out.csv").open(encoding="utf-8", newline="") as file:
