@@ -13,8 +13,10 @@ _HOME = {
     "FitError": "learn.exposure",
     "FitResult": "learn.result",
     "MistakePrior": "learn.mstep",
+    "Population": "learn.population",
     "compare_models": "learn.compare",
     "fit": "learn.em",
+    "fit_population": "learn.empirical_bayes",
     "log_likelihood": "learn.estep",
     "log_likelihoods": "learn.estep",
     "responsibilities": "learn.estep",
@@ -30,12 +32,14 @@ if TYPE_CHECKING:
     from learn.compare import compare_models as compare_models
     from learn.coordinates import Bounds as Bounds
     from learn.em import fit as fit
+    from learn.empirical_bayes import fit_population as fit_population
     from learn.estep import log_likelihood as log_likelihood
     from learn.estep import log_likelihoods as log_likelihoods
     from learn.estep import responsibilities as responsibilities
     from learn.exposure import FitError as FitError
     from learn.exposure import trial_hash as trial_hash
     from learn.mstep import MistakePrior as MistakePrior
+    from learn.population import Population as Population
     from learn.result import FitResult as FitResult
 
 
