@@ -1,5 +1,7 @@
 """Time from a cue's onset to the first press: as it was (Kaplan and Meier), and as models expect it."""
 
+import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -37,10 +39,14 @@ class Waits:
     pressed: Bools
 
     def curve(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Kaplan and Meier's estimate: seconds, P(no press by then), and its 95% band (log-log)."""
+        """Kaplan and Meier's estimate: seconds, P(no press by then), and its 95% band (log-log).
+
+        The band is nan where the estimate is 0 or 1.
+        """
         seconds = np.asarray(self.steps * self.dt, dtype=np.float64)
         found = ecdf(CensoredData(uncensored=seconds[self.pressed], right=seconds[~self.pressed])).sf
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"), warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "The confidence interval is undefined", RuntimeWarning)
             band: Any = found.confidence_interval(LEVEL, method="log-log")
         return found.quantiles, found.probabilities, band.low.probabilities, band.high.probabilities
 
@@ -136,13 +142,15 @@ def waits_rows(trials: Sequence[Trial], accounts: Mapping[str, PressProbability]
         waits = waits_after(trials, cue)
         if waits is None:
             continue
-        for time, share, low, high in zip(*map(np.ndarray.tolist, waits.curve()), strict=True):
-            rows.append(
-                {"cue": cue, "account": "observed", "seconds": time, "share": share, "low": low, "high": high}
-            )
+        for time, share, *band in zip(*map(np.ndarray.tolist, waits.curve()), strict=True):
+            low, high = ("" if math.isnan(end) else end for end in band)
+            rows.append(_row(cue, "observed", time, share, low, high))
         for name, of_trials in probabilities.items():
             for time, share in zip(*map(np.ndarray.tolist, waits.expected(of_trials)), strict=True):
-                rows.append(
-                    {"cue": cue, "account": name, "seconds": time, "share": share, "low": "", "high": ""}
-                )
+                rows.append(_row(cue, name, time, share))
     return rows
+
+
+def _row(cue: str, account: str, seconds: float, share: float, *band: Any) -> dict[str, Any]:
+    values = (cue, account, seconds, share, *(band or ("", "")))
+    return dict(zip(("cue", "account", "seconds", "share", "low", "high"), values, strict=True))
