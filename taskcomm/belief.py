@@ -7,11 +7,14 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from taskcomm.beliefrows import Rows, branched, merged, most_likely, pruned
 from taskcomm.levels import Bools, Floats, advance, approval_probability
+from taskcomm.observation import WAITING, Observer, Signals
 from taskcomm.teacher import Parameters, TeacherModel
 from taskcomm.world import World
 
 NEVER = 1 << 40
+MOST = 700.0  # exp of more is not a number any more
 
 
 class ImpossibleObservation(ValueError):
@@ -26,8 +29,12 @@ class Belief:
     (R,) sums to 1, `level` and `on_time` are (R, M). `seen` (L, M, tasks) holds the cues of the last
     L steps, newest last, for delays; `since_press` counts steps since the last press. Histories of
     one task with equal memory are merged; nothing is approximated. So rows stay in the hundreds, except
-    where a model has `decay`: there they grow with the presses since a cue came on. A belief is a
-    value: `update` gives a new one.
+    where a model has `decay`: there they grow with the presses since a cue came on; and where a reset may
+    go unseen (a key that misses or was not recorded): there they grow in every step with a level above 0.
+
+    With `prune` above 0, each update then drops the lightest rows, at most that weight together. `lost`
+    (tasks,) bounds what has been dropped so far as it would weigh now beside the 1 that was kept, and
+    `dropped` bounds the total variation from the exact belief. A belief is a value: `update` gives a new one.
 
     >>> from taskcomm.world import Action, BallWorld
     >>> world = BallWorld()
@@ -48,15 +55,23 @@ class Belief:
     level: Floats
     on_time: Floats
     seen: Bools
+    observer: Observer
+    prune: float
+    lost: Floats
+    most_level: Floats
     since_press: int = NEVER
 
     @classmethod
-    def initial(cls, world: World, model: TeacherModel, prior: ArrayLike | None = None) -> Self:
+    def initial(
+        cls, world: World, model: TeacherModel, prior: ArrayLike | None = None, *, prune: float = 0.0
+    ) -> Self:
         """The belief before the first step: levels 0, tasks as `prior` (uniform by default).
 
-        Raises ValueError for a prior that is no distribution over `world.tasks`, ModelError for a
-        cue that the world does not have.
+        Raises ValueError for a prior that is no distribution over `world.tasks` or a `prune` outside
+        [0, 1), ModelError for a cue that the world does not have or a channel that does not fit it.
         """
+        if not 0 <= prune < 1:
+            raise ValueError(f"prune: must be at least 0 and below 1, not {prune!r}")
         parameters = model.parameters(world.cue_names)
         count, states = len(world.tasks), len(model.approvals)
         weight = np.full(count, 1 / count) if prior is None else np.array(prior, dtype=np.float64)
@@ -66,18 +81,16 @@ class Belief:
         zeros = np.zeros((len(task), states))
         kept = int(parameters.steps_late.max()) + 2
         seen = np.zeros((kept, states, count), dtype=np.bool_)
-        return cls(world, model, parameters, task, weight[task] / weight.sum(), zeros, zeros, seen)
+        start = task, weight[task] / weight.sum(), zeros, zeros, seen
+        lost, most = np.zeros(count), np.zeros((count, states))
+        return cls(world, model, parameters, *start, Observer(world, model), float(prune), lost, most)
 
     def _advanced(self, state: Hashable) -> tuple[Bools, Floats, Floats, Floats]:
         """What was seen, levels, on-times and P(M_t = m) at the end of a step in `state`."""
         p = self.parameters
         now = np.asarray(self.world.cues(state), dtype=np.bool_)[p.cue]
         seen = np.concatenate([self.seen[1:], now[None]])
-        if p.steps_late.any() or p.part_late.any():
-            states, at = np.arange(len(p.cue)), len(seen) - 1 - p.steps_late
-            newer, older = seen[at, states].T[self.task], seen[at - 1, states].T[self.task]
-        else:
-            newer = older = now.T[self.task]
+        older, newer = _late(seen, p, self.task)
         level, on_time = advance(self.level, self.on_time, older, newer, p)
         return seen, level, on_time, approval_probability(level, on_time, self.resting, p)
 
@@ -86,51 +99,122 @@ class Belief:
         """Whether the next step still lies within the model's `rest` after a press."""
         return self.since_press < self.parameters.rest_steps
 
+    @property
+    def dropped(self) -> float:
+        """A bound on the total variation between this belief and the exact one; 0 without `prune`."""
+        lost = float(self.lost.sum())
+        return lost / (1.0 + lost)
+
     def press_probability(self, state: Hashable) -> float:
         """P(spacebar) in the coming step, if the world is in `state` then."""
+        if not self.observer.exact:
+            return float(self.mental_joint(state, True).sum())
         approval = self._advanced(state)[3]
         return float(self.parameters.mistake + self.weight @ approval.sum(axis=1))
 
     def press_joint(self, state: Hashable) -> Floats:
         """P(task, a press for this reason) in the coming step, if the world is in `state` then.
 
-        Shape (tasks, 1 + M): a mistake, then the approval states in the model's order.
+        Shape (tasks, 1 + M): a mistake, then the approval states in the model's order. A press while
+        waiting, of a key that fires by itself, is not among them: see `mental_joint`.
         """
+        if not self.observer.exact:
+            return self.mental_joint(state, True)[:, 1:]
         approval = self.weight[:, None] * self._advanced(state)[3]
         joint = np.zeros((len(self.world.tasks), 1 + approval.shape[1]))
         joint[:, 0] = self.parameters.mistake * self.marginal()
         np.add.at(joint[:, 1:], self.task, approval)
         return joint
 
-    def update(self, state: Hashable, pressed: bool) -> Self:
-        """The belief after a step that ended in `state`, with or without a press.
+    def mental_joint(
+        self, state: Hashable, pressed: bool | None = None, signals: Signals | None = None
+    ) -> Floats:
+        """P(task, M_t, observation) of the coming step, if the world is in `state` then.
 
-        Raises ImpossibleObservation, naming belief, world and observation, and TypeError where `pressed` is
-        neither True nor False.
+        Shape (tasks, 2 + M), columns as `model.mental_states`; densities for continuous channels. What is
+        None or missing is not observed, so `mental_joint(state)` is P(task, M_t).
         """
-        if not isinstance(pressed, (bool, np.bool_)):
-            raise TypeError(f"pressed: must be True or False, not {pressed!r}")
+        approval = self.weight[:, None] * self._advanced(state)[3]
+        joint = np.zeros((len(self.world.tasks), 2 + approval.shape[1]))
+        joint[:, 1] = self.parameters.mistake * self.marginal()
+        np.add.at(joint[:, 2:], self.task, approval)
+        joint[:, WAITING] = self.marginal() - joint[:, 1:].sum(axis=1)
+        return np.asarray(joint * self.observer.weights(pressed, signals))
+
+    def update(self, state: Hashable, pressed: bool | None, signals: Signals | None = None) -> Self:
+        """The belief after a step that ended in `state`, with or without a press (None: not recorded).
+
+            w(theta, e) P(M | e) P(o | M, theta)     for every M, with its reset
+
+        `signals` are those of the model's channels that were observed; others are left aside. For the model's
+        `rest`, a key that was not recorded counts as not pressed.
+
+        Raises ImpossibleObservation, naming belief, world and observation, TypeError where `pressed` is
+        neither True, False nor None, and ValueError naming the channel for a value that it cannot have.
+        """
+        if pressed is not None and not isinstance(pressed, (bool, np.bool_)):
+            raise TypeError(f"pressed: must be True, False or None, not {pressed!r}")
         seen, level, on_time, approval = self._advanced(state)
-        mistake = self.parameters.mistake
-        if pressed:
-            states = level.shape[1]
-            task = np.tile(self.task, states + 1)
-            weight = np.concatenate([self.weight * mistake, (self.weight[:, None] * approval).T.ravel()])
-            level, on_time = np.tile(level, (states + 1, 1)), np.tile(on_time, (states + 1, 1))
-            for m in range(states):
-                reset = slice((m + 1) * len(self.task), (m + 2) * len(self.task))
-                level[reset, m] = on_time[reset, m] = 0.0
+        mistake, exact = self.parameters.mistake, pressed is not None and self.observer.exact
+        told = self.observer.key[int(bool(pressed))] if exact else self._told(state, pressed, signals)
+        rows = Rows(self.task, self.weight, level, on_time)
+        if exact and not pressed:
+            rows = rows._replace(weight=self.weight * (1 - mistake - approval.sum(axis=1)))
         else:
-            task, weight = self.task, self.weight * (1 - mistake - approval.sum(axis=1))
-        task, weight, level, on_time = _merged(task, weight, level, on_time, self.parameters)
-        total = weight.sum()
+            rows = branched(rows, approval, mistake, told if exact else told[self.task])
+        rows = merged(rows, self.parameters)
+        total = float(rows.weight.sum())
         if not total > 0:
-            raise ImpossibleObservation(
-                f"pressed={pressed} has probability 0 in {state} under {self.model} from {self.marginal()}"
-            )
-        since = 0 if pressed else min(self.since_press + 1, NEVER)
+            raise self._impossible(state, pressed, signals)
+        after = replace(
+            self,
+            task=rows.task,
+            weight=rows.weight / total,
+            level=rows.level,
+            on_time=rows.on_time,
+            seen=seen,
+            since_press=0 if pressed else min(self.since_press + 1, NEVER),
+        )
+        return after if self.prune == 0 else after._pruned(self.resting, told / total)
+
+    def _told(self, state: Hashable, pressed: bool | None, signals: Signals | None) -> Floats:
+        """P(observation | M, task), (tasks, 2 + M), up to a common factor where there are numbers."""
+        if not (signals and self.observer.model.continuous):
+            return self.observer.weights(pressed, signals)
+        logs = self.observer.log_weights(pressed, signals)
+        most = float(logs[self.task].max())
+        if not np.isfinite(most):
+            raise self._impossible(state, pressed, signals)
+        return np.asarray(np.exp(np.minimum(logs - most, MOST)))
+
+    def _pruned(self, rested: bool, told: Floats) -> Self:
+        """This belief without its lightest rows, and the bound on what has been lost.
+
+        What was dropped before has since grown by at most the likelihood of the observation, `told`
+        (tasks, 2 + M) relative to that of what was kept, at any levels up to those without a reset.
+        """
+        p, every = self.parameters, np.arange(len(self.lost))
+        most = advance(self.most_level, np.zeros_like(self.most_level), *_late(self.seen, p, every), p)[0]
+        rows, light = pruned(Rows(self.task, self.weight, self.level, self.on_time), self.prune)
+        share = float(rows.weight.sum())
+        lost = self.lost * most_likely(told, p.peak * most * (not rested), p.mistake)
+        lost += np.bincount(light.task, weights=light.weight, minlength=len(lost))
         return replace(
-            self, task=task, weight=weight / total, level=level, on_time=on_time, seen=seen, since_press=since
+            self,
+            task=rows.task,
+            weight=rows.weight / share,
+            level=rows.level,
+            on_time=rows.on_time,
+            lost=lost / share,
+            most_level=most,
+        )
+
+    def _impossible(
+        self, state: Hashable, pressed: bool | None, signals: Signals | None
+    ) -> ImpossibleObservation:
+        also = f" with {dict(signals)}" if signals else ""
+        return ImpossibleObservation(
+            f"pressed={pressed}{also} has probability 0 in {state} under {self.model} from {self.marginal()}"
         )
 
     def marginal(self) -> Floats:
@@ -158,22 +242,11 @@ def entropy(probabilities: Sequence[float] | Floats) -> float:
     return max(0.0, float(-(p * np.log(p)).sum()))
 
 
-def _merged(
-    task: NDArray[np.int64], weight: Floats, level: Floats, on_time: Floats, parameters: Parameters
-) -> tuple[NDArray[np.int64], Floats, Floats, Floats]:
-    """Rows of weight 0 dropped, rows of equal task and memory added up, sorted by task."""
-    if not weight.all():
-        kept = weight > 0
-        task, weight, level, on_time = task[kept], weight[kept], level[kept], on_time[kept]
-    if len(task) < 2 or (task[1:] > task[:-1]).all():
-        return task, weight, level, on_time
-    memory = level
-    if parameters.decays:
-        memory = np.concatenate([level, on_time * np.isfinite(parameters.decay)], axis=1)
-    order = np.lexsort((*memory.T, task))
-    task, memory = task[order], memory[order]
-    first = np.ones(len(task), dtype=np.bool_)
-    first[1:] = (task[1:] != task[:-1]) | (memory[1:] != memory[:-1]).any(axis=1)
-    starts = np.flatnonzero(first)
-    rows = order[starts]
-    return task[starts], np.add.reduceat(weight[order], starts), level[rows], on_time[rows]
+def _late(seen: Bools, parameters: Parameters, task: NDArray[np.int64]) -> tuple[Bools, Bools]:
+    """The cues of these tasks as seen late in the last step, older and newer, each (tasks, M)."""
+    p = parameters
+    if p.steps_late.any() or p.part_late.any():
+        states, at = np.arange(len(p.cue)), len(seen) - 1 - p.steps_late
+        return seen[at - 1, states].T[task], seen[at, states].T[task]
+    now = seen[-1].T[task]
+    return now, now

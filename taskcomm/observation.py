@@ -61,7 +61,7 @@ def observation_weights(trial: _Trial, world: World, model: TeacherModel) -> Flo
     weights = np.empty((len(trial.steps), len(world.tasks), len(model.mental_states)))
     for t, step in enumerate(trial.steps):
         try:
-            weights[t] = np.exp(observer.log_weights(step.pressed, step.signals))
+            weights[t] = observer.weights(step.pressed, step.signals)
         except ValueError as error:
             raise ValueError(f"step {t}: {error}") from None
     return weights
@@ -70,13 +70,14 @@ def observation_weights(trial: _Trial, world: World, model: TeacherModel) -> Flo
 class Observer:
     """The observation model of `model` in `world`, as arrays.
 
-    `key` (2, 2 + M) is P(no press | M), P(press | M); `tables` has P(value | M, task) of every discrete
-    channel, by value, each (tasks, 2 + M). Raises ModelError where a channel does not fit the world.
+    `key` (2, 2 + M) is P(no press | M), P(press | M); `exact` says that the key is all there is and never
+    errs; `tables` has P(value | M, task) of every discrete channel, by value, each (tasks, 2 + M). Raises
+    ModelError where a channel does not fit the world.
     """
 
     def __init__(self, world: World, model: TeacherModel) -> None:
         seen, states = model.observation, model.mental_states
-        self.model = seen
+        self.model, self.exact = seen, seen.is_exact_key
         self._shape = len(world.tasks), len(states)
         press = np.full(len(states), 1.0 - seen.miss)
         press[WAITING] = seen.false_press
@@ -92,7 +93,7 @@ class Observer:
             except ModelError as error:
                 raise ModelError(f"observation.channels.{name}: {error}") from None
         self._normals = {name: self._moments(channel, states) for name, channel in seen.continuous.items()}
-        self._logs: dict[Any, Floats] = {}
+        self._kept: dict[Any, Floats] = {}
 
     def _plain(self, channel: PlainChannel, states: Sequence[str]) -> dict[str, Floats]:
         rows = {value: [channel.table[state][value] for state in states] for value in channel.values}
@@ -133,20 +134,24 @@ class Observer:
         return result
 
     def log_weights(self, pressed: bool | None, signals: Signals | None = None) -> Floats:
-        """ln P(observation of a step | M, task), shape (tasks, 2 + M); read-only.
+        """ln P(observation of a step | M, task), shape (tasks, 2 + M).
 
         Raises ValueError naming the channel for a value that it cannot have.
         """
         known = {name: value for name, value in (signals or {}).items() if name in self.model.channels}
-        numbers = {name: value for name, value in known.items() if name in self._normals}
-        key = pressed, *(known.get(name) for name in self.tables)
-        if numbers or key not in self._logs:
-            result = self._log_weights(pressed, known)
+        return self._log_weights(pressed, known)
+
+    def weights(self, pressed: bool | None, signals: Signals | None = None) -> Floats:
+        """P(observation of a step | M, task), densities for numbers, shape (tasks, 2 + M); read-only."""
+        signals = signals or {}
+        key: Any = pressed, *(signals.get(name) for name in self.model.channels)
+        if key not in self._kept:
+            result = np.exp(self.log_weights(pressed, signals))
             result.setflags(write=False)
-            if numbers:
+            if any(name in signals for name in self._normals):
                 return result
-            self._logs[key] = result
-        return self._logs[key]
+            self._kept[key] = result
+        return self._kept[key]
 
     def _log_weights(self, pressed: bool | None, signals: Signals) -> Floats:
         with np.errstate(divide="ignore"):

@@ -103,3 +103,97 @@ def full_tree(belief: Any, state: Hashable, horizon: int, gamma: float = 1.0) ->
             value += probability * (after.entropy() + gamma * min(future.values(), default=0.0))
         values[action] = value
     return values
+
+
+def observed(
+    world: Any, model: TeacherModel, task: int, state: str, pressed: bool | None, signals: dict[str, Any]
+) -> float:
+    """P(key, signals | M = state, task) of one step; what is not observed is summed over."""
+    seen: Any = model.observation
+    p = seen.false_press if state == "waiting" else 1 - seen.miss
+    result = 1.0 if pressed is None else p if pressed else 1 - p
+    for name, channel in seen.channels.items():
+        if channel.kind == "plain" and name in signals:
+            result *= channel.table[state][signals[name]]
+        if channel.kind == "target":
+            about = {other: c for other, c in seen.channels.items() if getattr(c, "target", None) == name}
+            result *= _about_target(world, task, channel.table[state], state, name, about, signals)
+        if channel.kind == "normal" and channel.target is None and name in signals:
+            result *= _normal(signals[name], channel.mean[state], channel.sd[state])
+    return result
+
+
+def _about_target(
+    world: Any, task: int, row: Any, state: str, name: str, about: dict[str, Any], signals: dict[str, Any]
+) -> float:
+    roles = {**world.roles(world.tasks[task]), "none": "none"}
+    present = sum(row[role] for role in set(roles.values()))
+    total = 0.0
+    for value, role in roles.items():
+        if name in signals and signals[name] != value:
+            continue
+        p = row[role] / list(roles.values()).count(role) / present
+        for other, channel in about.items():
+            if other in signals and role in channel.mean[state]:
+                p *= _normal(signals[other], channel.mean[state][role], channel.sd[state][role])
+            elif other in signals and name not in signals:
+                p = 0.0  # no number would have been measured
+        total += p
+    return total
+
+
+def _normal(x: float, mean: float, sd: float) -> float:
+    return math.exp(-0.5 * ((x - mean) / sd) ** 2) / (sd * math.sqrt(2 * math.pi))
+
+
+def observed_paths(
+    world: World, model: TeacherModel, states: Sequence[Hashable], seen: Sequence[Any], task: int
+) -> dict[tuple[str, ...], float]:
+    """P(path, observations | task) of every mental-state path; `seen` has (pressed, signals) by step."""
+    cues = cue_columns(world, model, states, task)
+    pressed = [bool(key) for key, _ in seen]
+    result = {}
+    for path in itertools.product(model.mental_states, repeat=len(seen)):
+        weight = 1.0
+        for step, (key, signals) in enumerate(seen):
+            weight *= observed(world, model, task, path[step], key, signals or {})
+            if weight == 0:
+                break
+            weight *= probabilities(model, cues[: step + 1], path[:step], pressed)[path[step]]
+        else:
+            result[path] = weight
+    return result
+
+
+def branching_tree(belief: Any, state: Hashable, horizon: int, gamma: float = 1.0) -> dict[Any, float]:
+    """Q_h of every valid action, by the whole tree over key and every value of the discrete channels."""
+    if horizon == 0:
+        return {}
+    world: World = belief.world
+    discrete = {
+        name: (
+            list(channel.values)
+            if channel.kind == "plain"
+            else [*getattr(world, "roles")(world.tasks[0]), "none"]  # noqa: B009
+        )
+        for name, channel in belief.model.observation.channels.items()
+        if channel.kind != "normal"
+    }
+    values = {}
+    for action in world.actions(state):
+        reached = world.step(state, action)
+        now = belief.mental_joint(reached)
+        value = 0.0
+        for pressed, *shown in itertools.product((False, True), *discrete.values()):
+            signals = dict(zip(discrete, shown, strict=True))
+            probability = sum(
+                now[task, column] * observed(world, belief.model, task, mental, pressed, signals)
+                for task in range(len(world.tasks))
+                for column, mental in enumerate(belief.model.mental_states)
+            )
+            if probability > 0:
+                after = belief.update(reached, pressed, signals)
+                future = branching_tree(after, reached, horizon - 1, gamma)
+                value += probability * (after.entropy() + gamma * min(future.values(), default=0.0))
+        values[action] = value
+    return values
