@@ -19,10 +19,10 @@ def expected(
 ) -> None:  # fmt: skip
     """Sum of weight * log P over steps, and its rates.
 
-    `memory[s]` weighs the steps without a press in memory s. With `as_counts`, `press[s, reason]` is
-    the weight of that reason for the press that ends s, and log P of presses is summed too; without,
-    it is the rate in P itself (`flow` of the backward pass) and the sum is left at the steps without a
-    press. Writes the rates in P(M_t = m) to `by_share` (one for each level of the tracks) and to
+    `memory[s]` weighs the steps before the event in memory s. With `as_counts`, `press[s, state]` is
+    the weight of M = state at the event that ends s, and log P of events is summed too; without,
+    it is the rate in P itself (`flow` of the backward pass) and the sum is left at the steps before
+    events. Writes the rates in P(M_t = m) to `by_share` (one for each level of the tracks) and to
     `answer` (2,) the sum and the rate in mistake.
     """
     states = len(peak)
@@ -49,23 +49,29 @@ def expected(
                     for m in range(states):
                         by_share[lattice.memory_base[s, m] + t] -= rate
                 value += weight * (logs + math.log(product))
-            for reason in range(states + 1):
-                weight = press[s, reason]
+            for state in range(states + 2):
+                weight = press[s, state]
                 if weight <= NEGLIGIBLE or (as_counts and weight <= NEGLIGIBLE_REASON):
                     continue
-                at = -1
                 p = mistake
-                if reason > 0:
-                    at = lattice.memory_base[s, reason - 1] + end
-                    p = peak[reason - 1] * share[at]
+                if state > 1:
+                    p = peak[state - 2] * share[lattice.memory_base[s, state - 2] + end]
+                elif state == 0:
+                    p = 1.0 - mistake
+                    for m in range(states):
+                        p -= peak[m] * share[lattice.memory_base[s, m] + end]
                 rate = weight
                 if as_counts:
                     rate = weight / p if p > 0.0 else math.inf
                     value += weight * math.log(p) if p > 0.0 else -math.inf
-                if reason > 0:
-                    by_share[at] += rate
-                else:
+                if state > 1:
+                    by_share[lattice.memory_base[s, state - 2] + end] += rate
+                elif state == 1:
                     by_mistake += rate
+                else:
+                    by_mistake -= rate
+                    for m in range(states):
+                        by_share[lattice.memory_base[s, m] + end] -= rate
     answer[0] = value
     answer[1] = by_mistake
 
@@ -99,9 +105,9 @@ def informed(
         begin, end = lattice.layer_first[layer], lattice.layer_press[layer]
         for s in range(lattice.layer_memories[layer], lattice.layer_memories[layer + 1]):
             pressed = 0.0
-            for reason in range(states + 1):
-                pressed += press[s, reason]
-            presses[6, 0] += press[s, 0]
+            for state in range(states + 2):
+                pressed += press[s, state]
+            presses[6, 0] += press[s, 1]
             for t in range(begin, end + 1):
                 weight = memory[s] if t < end else pressed
                 if weight <= NEGLIGIBLE:
@@ -115,11 +121,11 @@ def informed(
                         if weight > 1e-6:
                             reached[m] = max(reached[m], share[at])
                         if t == end:
-                            presses[0, m] += press[s, 1 + m]
+                            presses[0, m] += press[s, 2 + m]
                     for k in range(len(slope)):
                         if slope[k, at] != 0.0:
                             steps[1 + k, m] += weight
                             if t == end:
-                                presses[1 + k, m] += press[s, 1 + m]
+                                presses[1 + k, m] += press[s, 2 + m]
                 if silent:
                     steps[6, 0] += weight

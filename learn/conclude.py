@@ -93,10 +93,10 @@ def _responsibilities(objective: Objective, vector: Floats) -> tuple[Floats, ...
     evidence, exposure = objective.evidence.with_weights(None), objective.evidence.exposure
     evidence.expect(parameters_at(vector, objective.base))
     chain = evidence.chain
-    result = [np.zeros((count, 2 + len(objective.base.peak))) for count in exposure.presses]
+    result = [np.zeros((steps, 2 + len(objective.base.peak))) for steps in exposure.steps]
     for unit, trial in enumerate(exposure.unit_trial):
-        result[trial][:, 1:] += chain.reasons(unit)
-    return tuple(result)
+        result[trial][chain.events(unit)] += chain.reasons(unit)
+    return tuple(each[at] for each, at in zip(result, exposure.press_steps, strict=True))
 
 
 def _versions() -> dict[str, str]:

@@ -54,11 +54,9 @@ def transitions(
                     history = np.zeros((longest, states), dtype=np.int64)
                     history[longest - t - 1 :] = cues[: t + 1]
                     ages = np.where(resets >= 0, t - resets, longest)
-                    for outcome in [WAITING] if t < end else range(1, states + 2):
+                    for outcome in [WAITING] if t < end else range(states + 2):
                         rows.append(np.concatenate([history.ravel(), ages, [outcome]]))
-                        weights.append(
-                            expectation.memory[s] if t < end else expectation.press[s, outcome - 1]
-                        )
+                        weights.append(expectation.memory[s] if t < end else expectation.press[s, outcome])
     kept = np.array(weights) > 0
     return np.array(rows)[kept], np.array(weights)[kept]
 

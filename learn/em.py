@@ -46,8 +46,11 @@ def fit(
     stay those of `initial`. The task of a trial is its card's; where that is None, all tasks are summed
     over with `task_prior` (uniform by default). `mistake_prior` may be None. EM stops when an iteration
     gains no more than `rtol` of the objective, or unconverged after `max_iter` iterations. `search=False`
-    leaves EM alone. `weights` (trials,) multiply the log-likelihoods of the trials: whole numbers count
-    them so many times. `progress(done, total)` is called as parts of the work finish.
+    leaves EM alone. With `labels`, presses that annotators labelled have one of the reasons they gave. Key
+    states that were not recorded are summed over, with `dropped_mass` without the memories that hold no
+    more than it together at any event (see `expose`). `weights` (trials,) multiply the log-likelihoods of
+    the trials: whole numbers count them so many times. `progress(done, total)` is called as parts of the
+    work finish.
 
     Deterministic for a seed; the order of the trials does not matter (but for rounding). Raises FitError
     for trials that cannot be fitted together or with this model, see `expose`, and for one with more
@@ -115,7 +118,10 @@ def prepare(
     rows[3:] = [[bool(free)] for free in (settings.delays, settings.decays, settings.holds)]
     rows[5] &= rows[4] | np.isfinite(base.decay)
     extent = _space(initial, settings, rows).extent(base)
-    exposure = expose(trials, world, initial, extent, settings.task_prior, MOST_MEMORIES)
+    exposure = expose(
+        trials, world, initial, extent, settings.task_prior, MOST_MEMORIES,
+        labels=settings.labels, dropped_mass=settings.dropped_mass,
+    )  # fmt: skip
     space = _space(initial, settings, rows & exposure.cue_ever_on)
     evidence = Evidence(exposure).with_weights(weights)
     return Objective(evidence, base, space, settings.mistake_prior)

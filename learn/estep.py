@@ -21,7 +21,7 @@ class Expectation:
     """The E-step's answer, weighted by P(task | trial) where the task is unknown, and by trial weights.
 
     `log_likelihood` (trials,) in nats; `memory` (memories,) is P(memory | trial); `press`
-    (memories, 1 + M) is P(memory, reason of the press that ends it | trial), reason 0 being a mistake;
+    (memories, 2 + M) is P(memory, M at the event that ends it | trial), columns as `mental_states`;
     `rates` (1 + 6 M,) are those of the summed log-likelihood in mistake, then peaks, rises, falls,
     delays, decays and holds; `unit` (units,) is P(tasks of the unit | trial),
     unweighted; `value` is the weighted sum of the log-likelihoods, in nats.
@@ -105,7 +105,7 @@ class Evidence:
         return self._total(log_likelihood), rates
 
     def _presses(self, parameters: Parameters) -> Floats:
-        """`flow` times the probability of the reason, for every memory."""
+        """`flow` times the probability of the mental state at the event, for every memory."""
         lattice, flow = self.exposure.lattice, self.chain.flow
         sizes = np.diff(lattice.layer_memories)
         last = np.zeros(len(sizes), dtype=np.bool_)
@@ -113,9 +113,11 @@ class Evidence:
         at_end = np.where(last, np.maximum(lattice.layer_press - 1, lattice.layer_first), lattice.layer_press)
         index = lattice.memory_base + np.repeat(at_end, sizes)[:, None]
         press = flow.copy()
-        press[:, 0] *= parameters.mistake
         used = ~np.repeat(last, sizes)
-        press[used, 1:] *= parameters.peak * self.chain.share[index[used]]
+        approvals = parameters.peak * self.chain.share[index[used]]
+        press[used, 0] *= 1 - parameters.mistake - approvals.sum(axis=1)
+        press[used, 1] *= parameters.mistake
+        press[used, 2:] *= approvals
         return press
 
     def expected_log_likelihood(

@@ -5,12 +5,14 @@ import json
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from taskcomm.beam import Beam
 from taskcomm.lattice import MAX_MEMORIES, Extent, Floats, Ints, Lattice, LatticeTooLarge, build_unit, join
-from taskcomm.smoother import cue_tables, hypotheses, index_of_task, task_prior
+from taskcomm.smoother import cue_tables, hypotheses, index_of_task, seen, task_prior
 from taskcomm.teacher import ModelError, TeacherModel
 from taskcomm.trials import Trial
 from taskcomm.world import World
@@ -49,7 +51,7 @@ def trials_given(trials: object, use: str = "a fit") -> tuple[Trial, ...]:
 
 
 def trial_hash(trial: Trial) -> str:
-    """What a fit depends on in a trial: sha256 of its dt, task, actions and presses.
+    """What a fit depends on in a trial: sha256 of its dt, task, actions, presses and signals.
 
     >>> from taskcomm.world import NOA, BallWorld
     >>> from taskcomm.trials import Step
@@ -58,13 +60,15 @@ def trial_hash(trial: Trial) -> str:
     >>> trial_hash(trial)[:8]
     '823b8693'
     """
-    presses = "".join("1" if step.pressed else "0" for step in trial.steps)
-    what = [
+    presses = "".join("?" if step.pressed is None else str(int(step.pressed)) for step in trial.steps)
+    what: list[Any] = [
         trial.dt,
         None if trial.task is None else str(trial.task),
         [str(a) for a in trial.actions],
         presses,
     ]
+    if trial.channels:
+        what.append([dict(sorted((step.signals or {}).items())) for step in trial.steps])
     return hashlib.sha256(json.dumps(what).encode()).hexdigest()
 
 
@@ -73,8 +77,8 @@ class Exposure:
     """Every trial under every task that it may have had, as one lattice.
 
     Unit u is trial `unit_trial[u]` under the tasks that show the same cues, whose prior is
-    `unit_prior[u]` (1 where the task is known) and, task by task, `unit_tasks[u]`. `steps` and
-    `presses` count those of each trial.
+    `unit_prior[u]` (1 where the task is known) and, task by task, `unit_tasks[u]`. `steps` counts
+    those of each trial, `press_steps` are the ones with a press.
     """
 
     world: World
@@ -82,7 +86,7 @@ class Exposure:
     trial_ids: tuple[str, ...]
     hashes: tuple[str, ...]
     steps: Ints
-    presses: Ints
+    press_steps: tuple[Ints, ...]
     lattice: Lattice
     unit_trial: Ints
     unit_prior: Floats
@@ -120,9 +124,14 @@ def expose(
     prior: ArrayLike | None = None,
     most: int = MAX_MEMORIES,
     use: str = "a fit",
+    labels: bool = False,
+    dropped_mass: float = 0.0,
 ) -> Exposure:
     """The lattice of `trials`, good for every model within `extent` (by default for `model` alone).
 
+    With `labels`, presses that annotators labelled have one of the reasons they gave. With a `dropped_mass`
+    above 0, memories that hold no more than it together, at each event and under `model`, are left out where
+    key states are unknown (`Lattice.unit_dropped` bounds the loss).
     Trials whose task is None are taken under every task with a positive `prior` (uniform by default).
     Raises TypeError for what are no trials; FitError for zero trials (which this `use` needs), a trial
     without steps, two dt, another dt than the model's, another world, a task that the world lacks, a cue
@@ -136,13 +145,18 @@ def expose(
     except (ModelError, ValueError) as error:
         raise FitError(str(error)) from None
     extent = Extent.of(parameters) if extent is None else extent
+    beam = Beam(parameters, dropped_mass) if dropped_mass > 0 else None
     units, unit_trial, unit_tasks = [], [], []
     ever = np.zeros(len(parameters.cue), dtype=np.bool_)
     for number, trial in enumerate(trials):
         try:
             task = None if trial.task is None else index_of_task(trial, world, trial.task)
-            tables, shares = hypotheses(cue_tables(trial, world, parameters.cue), weight, task)
-            units += [build_unit(table, trial.presses, extent, model.dt, most) for table in tables]
+            table, weights = cue_tables(trial, world, parameters.cue), seen(trial, world, model, labels)
+            shown = hypotheses(table, weights, weight, task)
+            units += [
+                build_unit(one.cues, trial.presses, extent, model.dt, most, one.weights, beam)
+                for one in shown
+            ]
         except LatticeTooLarge as error:
             raise FitError(f"trial {trial.trial_id}: {error}", trial.trial_id) from None
         except ValueError as error:  # a task or an action that its world does not have
@@ -150,16 +164,16 @@ def expose(
                 str(error) if f"trial {trial.trial_id}:" in str(error) else f"trial {trial.trial_id}: {error}"
             )
             raise FitError(told, trial.trial_id) from None
-        ever |= np.any([table.any(axis=0) for table in tables], axis=0)
-        unit_trial += [number] * len(tables)
-        unit_tasks += shares
+        ever |= np.any([one.cues.any(axis=0) for one in shown], axis=0)
+        unit_trial += [number] * len(shown)
+        unit_tasks += [one.share for one in shown]
     return Exposure(
         world=world,
         dt=model.dt,
         trial_ids=tuple(trial.trial_id for trial in trials),
         hashes=tuple(trial_hash(trial) for trial in trials),
         steps=np.array([trial.num_steps for trial in trials]),
-        presses=np.array([int(trial.presses.sum()) for trial in trials]),
+        press_steps=tuple(np.flatnonzero(trial.presses) for trial in trials),
         lattice=join(units),
         unit_trial=np.array(unit_trial),
         unit_prior=np.array([share.sum() for share in unit_tasks]),

@@ -25,6 +25,8 @@ class Settings:
     mistake_prior: MistakePrior | None = MistakePrior()  # noqa: RUF009 (frozen)
     bounds: Bounds = Bounds()  # noqa: RUF009 (frozen)
     task_prior: tuple[float, ...] | None = None
+    labels: bool = False
+    dropped_mass: float = 0.0
     search: bool = True
     seed: int = 0
 
@@ -34,6 +36,8 @@ class Settings:
         for name in ("starts", "max_iter"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name}: must be at least 1, not {getattr(self, name)}")
+        if not 0 <= self.dropped_mass < 0.1:
+            raise ValueError(f"dropped_mass: must be at least 0 and below 0.1, not {self.dropped_mass}")
         for name in ("delays", "decays", "holds"):
             if getattr(self, name) not in (False, True, "shared"):
                 raise ValueError(f"{name}: must be False, True or 'shared', not {getattr(self, name)!r}")

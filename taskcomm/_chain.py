@@ -76,19 +76,33 @@ def trace(
 
 
 @_kernel
+def transition(lattice: Any, layer: int, s: int, reset: int, mistake: float, peak: Any, share: Any) -> Any:
+    """P(that reset, what is observed | memory s) at the event of a layer."""
+    event, press = lattice.event[layer], lattice.layer_press[layer]
+    if reset > 0:
+        return event[1 + reset] * peak[reset - 1] * share[lattice.memory_base[s, reset - 1] + press]
+    if event[0] == 0.0:
+        return event[1] * mistake
+    waiting = 1.0 - mistake
+    for m in range(len(peak)):
+        waiting -= peak[m] * share[lattice.memory_base[s, m] + press]
+    return event[0] * waiting + event[1] * mistake
+
+
+@_kernel
 def forward(
     lattice: Any, first: int, last: int, mistake: float, peak: Any, share: Any, quiet: Any, entered: Any,
     left: Any, total: Any, log_likelihood: Any,
 ) -> None:  # fmt: skip
     """Filter forward over the layers; write the log-likelihood of each unit.
 
-    `quiet[s]` is the log-probability of the steps without a press in memory s, less the greatest of its
+    `quiet[s]` is the log-probability of the steps before the event in memory s, less the greatest of its
     layer; `entered[s]` and `left[s]` are the weights of memory s when its layer begins and when its
-    press comes; `total[l]` is what the weights of layer l summed to, before they were made to sum to 1.
+    event comes; `total[l]` is what the weights of layer l summed to, before they were made to sum to 1.
     """
     states = len(peak)
     for u in range(first, last):
-        answer = 0.0
+        answer = lattice.unit_constant[u]
         begin = lattice.layer_memories[lattice.unit_layers[u]]
         end = lattice.layer_memories[lattice.unit_layers[u + 1]]
         for s in range(begin, end):
@@ -120,17 +134,16 @@ def forward(
                 if final:
                     weight += left[s]
                     continue
-                for reason in range(states + 1):
-                    after = lattice.memory_next[s, reason]
+                for reset in range(states + 1):
+                    after = lattice.memory_next[s, reset]
                     if after >= 0:
-                        p = mistake
-                        if reason > 0:
-                            p = peak[reason - 1] * share[lattice.memory_base[s, reason - 1] + press]
+                        p = transition(lattice, layer, s, reset, mistake, peak, share)
                         entered[after] += left[s] * p
                         weight += left[s] * p
             total[layer] = weight
             answer += math.log(weight) if weight > 0.0 else -math.inf
             if not weight > 0.0:
+                answer = -math.inf
                 break
             if not final:
                 for s in range(end, lattice.layer_memories[layer + 2]):
@@ -141,31 +154,33 @@ def forward(
 @_kernel
 def backward(
     lattice: Any, first: int, last: int, mistake: float, peak: Any, share: Any, quiet: Any, entered: Any,
-    left: Any, total: Any, unit_weight: Any, ahead: Any, memory: Any, flow: Any,
+    left: Any, total: Any, log_likelihood: Any, unit_weight: Any, ahead: Any, memory: Any, flow: Any,
 ) -> None:  # fmt: skip
-    """Smooth backward: `memory[s]`, P(memory s | whole trial), and `flow[s, reason]`.
+    """Smooth backward: `memory[s]`, P(memory s | whole trial), and `flow[s, state]`, (memories, 2 + M).
 
-    `flow` times P(reason | memory s) at the press is P(memory s and that reason | whole trial); it is
-    the rate of the log-likelihood in that probability, and may be positive where the probability is
-    0. All is weighted by `unit_weight`.
+    `flow` times P(M = state | memory s) at the event is P(memory s, M = state | whole trial), columns as
+    `mental_states`; it is the rate of the log-likelihood in that probability, and may be positive where
+    the probability is 0. All is weighted by `unit_weight`; a unit of probability 0 has zeros.
     """
     states = len(peak)
     for u in range(first, last):
+        impossible = log_likelihood[u] == -math.inf
         for layer in range(lattice.unit_layers[u + 1] - 1, lattice.unit_layers[u] - 1, -1):
-            press = lattice.layer_press[layer]
-            final = layer + 1 == lattice.unit_layers[u + 1]
+            event, final = lattice.event[layer], layer + 1 == lattice.unit_layers[u + 1]
             for s in range(lattice.layer_memories[layer], lattice.layer_memories[layer + 1]):
+                flow[s] = 0.0
+                if impossible:
+                    memory[s] = 0.0
+                    continue
                 future = unit_weight[u] / total[layer] if final else 0.0
-                for reason in range(states + 1):
-                    after = -1 if final else lattice.memory_next[s, reason]
+                for reset in range(states + 1):
+                    after = -1 if final else lattice.memory_next[s, reset]
                     if after < 0:
-                        flow[s, reason] = 0.0
                         continue
-                    p = mistake
-                    if reason > 0:
-                        p = peak[reason - 1] * share[lattice.memory_base[s, reason - 1] + press]
                     onward = ahead[after] / total[layer]
-                    future += p * onward
-                    flow[s, reason] = left[s] * onward
+                    future += onward * transition(lattice, layer, s, reset, mistake, peak, share)
+                    flow[s, 1 + reset] = left[s] * onward * event[1 + reset]
+                    if reset == 0:
+                        flow[s, 0] = left[s] * onward * event[0]
                 ahead[s] = math.exp(quiet[s]) * future
                 memory[s] = entered[s] * ahead[s]

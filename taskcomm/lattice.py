@@ -1,8 +1,9 @@
 """The memory of one trial as a lattice of last resets (MODEL.md, sections 5 and 7).
 
-Given a task, the hidden memory of a teacher is which press was the last to reset each approval state.
-It changes only at presses, so a trial is a row of layers: between two presses the memory is constant,
-and at each press a reason (mistake, or one of the approvals) leads to a memory of the next layer. The
+Given a task, the hidden memory of a teacher is which event was the last to reset each approval state. An
+event is a step whose observation leaves it open what M was: a press, or a step whose key state is unknown.
+The memory changes only there, so a trial is a row of layers: between two events the memory is constant,
+and each event, with no reset or with that of one approval, leads to a memory of the next layer. The
 lattice depends on the parameters only through an `Extent`, so that it is built once and used for every
 set of parameters within it.
 """
@@ -14,6 +15,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from taskcomm.beam import Beam, Ray
 from taskcomm.teacher import Parameters
 
 Floats = NDArray[np.float64]
@@ -60,12 +62,15 @@ class Lattice(NamedTuple):
     approval can happen. A *track* is the level of one approval since one reset: approval
     `track_state`, from step `track_first` for `track_length` steps, stored from `track_at`; its cue is
     `cues[track_cue + t]`, its rest `rests[track_rest + t]`. Layer l spans the steps from `layer_first`
-    up to its press at `layer_press` (or the end of the trial, for the last of a unit) and holds the
+    up to its event at `layer_press` (or the end of the trial, for the last of a unit) and holds the
     memories `layer_memories[l]` to `layer_memories[l + 1]`. In memory s approval m is on track
     `memory_track[s, m]`, its level at step t stored at `memory_base[s, m] + t`; s goes to memory
-    `memory_next[s, reason]` at the press: reason 0 is mistake, 1 + m is approval m, and -1 says that it
-    cannot happen. Unit u has the layers `unit_layers[u]` to `unit_layers[u + 1]` and the tracks
-    `unit_tracks[u]` to `unit_tracks[u + 1]`.
+    `memory_next[s, reset]` at the event: reset 0 is none (waiting or mistake), 1 + m that of approval m,
+    and -1 says that it cannot happen. `event[l]` (2 + M) is P(observation | M) at the event, columns as
+    `mental_states`, over its greatest. Unit u has the layers `unit_layers[u]` to `unit_layers[u + 1]` and
+    the tracks `unit_tracks[u]` to `unit_tracks[u + 1]`; `unit_constant[u]` is the log-probability, in nats,
+    of what its observations say of no memory. `unit_dropped[u]` bounds what memories that were left out
+    as too improbable add to the log-likelihood, at the parameters that they were judged by.
     """
 
     cues: NDArray[np.uint8]
@@ -84,6 +89,9 @@ class Lattice(NamedTuple):
     memory_next: Ints
     unit_layers: Ints
     unit_tracks: Ints
+    event: Floats
+    unit_constant: Floats
+    unit_dropped: Floats
 
     @property
     def size(self) -> int:
@@ -102,6 +110,9 @@ class _Unit(NamedTuple):
     layer_sizes: Ints
     memory_track: Ints
     memory_next: Ints
+    event: Floats
+    constant: float
+    dropped: float
 
 
 def _runs(flags: Bools) -> Ints:
@@ -166,16 +177,40 @@ def _unique_rows(rows: Ints, base: int) -> tuple[Ints, Ints]:
     return rows[index], inverse.astype(np.int64)
 
 
-def build_unit(cues: Bools, presses: Bools, extent: Extent, dt: float, most: int = MAX_MEMORIES) -> _Unit:
+def press_weights(presses: Bools, states: int) -> Floats:
+    """P(observation | M) where the key neither misses nor fires by itself: shape (T, 2 + M)."""
+    weights = np.ones((len(presses), 2 + states))
+    weights[:, 0] = ~presses
+    weights[~presses, 1:] = 0.0
+    return weights
+
+
+def build_unit(
+    cues: Bools,
+    presses: Bools,
+    extent: Extent,
+    dt: float,
+    most: int = MAX_MEMORIES,
+    weights: Floats | None = None,
+    beam: Beam | None = None,
+) -> _Unit:
     """The lattice of one trial under one task: `cues` (T, M), `presses` (T,).
 
+    `weights` (T, 2 + M) is P(observation | M), by default that of the presses alone; rest follows `presses`.
     Resets that give the same levels for every parameter within the extent are one, and a reset of a
-    level that is certainly 0 does not happen. Raises LatticeTooLarge past `most` memories.
+    level that is certainly 0 does not happen. With a `beam` memories that are too improbable are left
+    out. Raises LatticeTooLarge past `most` memories, ValueError for an observation that no parameters
+    within the extent allow.
     """
     steps, states = cues.shape
+    weights = press_weights(presses, states) if weights is None else weights
     certain = _certainty(cues, extent, dt)
-    press_steps = np.flatnonzero(presses)
-    resets = np.concatenate([[-1], press_steps])
+    events = np.flatnonzero(weights[:, 1:].any(axis=1))
+    resets = np.concatenate([[-1], events])
+    rests = np.zeros(steps, dtype=np.uint8)
+    for step in np.flatnonzero(presses):
+        rests[step + 1 : step + 1 + extent.rest_steps] = 1
+    ray = None if beam is None else Ray(beam, cues, rests, weights, events)
     layers, moves, last_use = [], [], np.full((states, len(resets)), -1, dtype=np.int64)  # -1: never
     memories, count = np.zeros((1, states), dtype=np.int64), 0
     for k in range(len(resets)):
@@ -183,60 +218,74 @@ def build_unit(cues: Bools, presses: Bools, extent: Extent, dt: float, most: int
         count += len(memories)
         if count > most:
             raise LatticeTooLarge(
-                f"more than {most} memories by press {k} of {len(press_steps)} (step {resets[k]} of"
-                f" {steps}): too many presses while levels rise and fall; shorter bounds on rise, fall and"
-                " delay make a trial smaller"
+                f"more than {most} memories by event {k} of {len(events)} (step {resets[k]} of {steps}): too"
+                " many presses, or key states that are unknown, while levels rise and fall; shorter bounds on"
+                " rise, fall and delay make a trial smaller"
             )
-        end = press_steps[k] + 1 if k < len(press_steps) else steps
+        end = events[k] + 1 if k < len(events) else steps
         for m in range(states):
             last_use[m, memories[:, m]] = end
-        if k < len(press_steps):
-            memories, move = _press(memories, k, resets, certain, extent.rest_steps)
+        if k < len(events):
+            memories, move = _after(memories, k, resets, certain, weights, rests)
+            if ray is not None:
+                memories, move = ray.pruned(layers[-1], k, memories, move)
             moves.append(move)
-    return _assemble(cues, resets, layers, moves, last_use, extent.rest_steps)
+    if ray is not None:
+        ray.finish(memories)
+    return _assemble(cues, resets, layers, moves, last_use, rests, weights, ray)
 
 
-def _press(memories: Ints, k: int, resets: Ints, certain: _Certainty, rest_steps: int) -> tuple[Ints, Ints]:
-    """The memories after press k + 1, and where each old memory goes for each reason."""
+def _after(
+    memories: Ints, k: int, resets: Ints, certain: _Certainty, weights: Floats, rests: NDArray[np.uint8]
+) -> tuple[Ints, Ints]:
+    """The memories after event k + 1, and where each old memory goes with each reset."""
     step, states = int(resets[k + 1]), memories.shape[1]
-    resting = k > 0 and step - resets[k] <= rest_steps
     off_run = certain.off_run[step]
-    possible = ~certain.zero[step] & (step - resets[memories] > off_run) & (not resting)
-    rows, sources = [memories], [np.arange(len(memories))]
+    possible = ~certain.zero[step] & (step - resets[memories] > off_run) & (not rests[step])
+    possible &= weights[step, 2:] > 0
+    kept = np.arange(len(memories)) if weights[step, :2].any() else np.zeros(0, dtype=np.int64)
+    rows, sources = [memories[kept]], [kept]
     for m in range(states):
         source = np.flatnonzero(possible[:, m])
         after = memories[source]
-        # A reset while the cue is off, since an earlier press, leaves the same level 0 as that one.
+        # A reset while the cue is off, since an earlier event, leaves the same level 0 as that one.
         after[:, m] = 1 + np.searchsorted(resets[1:], step - off_run[m])
         rows.append(after)
         sources.append(source)
     every = np.concatenate(rows)
+    if not len(every):
+        raise ValueError(f"what was observed in step {step} is impossible for all parameters in bounds")
     every[resets[every] <= certain.forgets[step]] = 0
     after, where = _unique_rows(every, len(resets))
     move = np.full((len(memories), states + 1), -1, dtype=np.int64)
     at = 0
-    for reason, source in enumerate(sources):
-        move[source, reason] = where[at : at + len(source)]
+    for reset, source in enumerate(sources):
+        move[source, reset] = where[at : at + len(source)]
         at += len(source)
     return after, move
 
 
 def _assemble(
-    cues: Bools, resets: Ints, layers: list[Ints], moves: list[Ints], last_use: Ints, rest_steps: int
+    cues: Bools,
+    resets: Ints,
+    layers: list[Ints],
+    moves: list[Ints],
+    last_use: Ints,
+    rests: NDArray[np.uint8],
+    weights: Floats,
+    ray: Ray | None,
 ) -> _Unit:
-    steps, states = cues.shape
+    steps = len(cues)
     sizes = np.array([len(layer) for layer in layers], dtype=np.int64)
     starts = np.concatenate([[0], np.cumsum(sizes)])
     state, reset = np.nonzero(last_use >= 0)
     track = np.zeros_like(last_use)
     track[state, reset] = np.arange(len(state))
     memories = np.concatenate(layers)
-    after = np.full((len(memories), states + 1), -1, dtype=np.int64)
+    after = np.full((len(memories), cues.shape[1] + 1), -1, dtype=np.int64)
     for k, move in enumerate(moves):
         after[starts[k] : starts[k + 1]] = np.where(move >= 0, move + starts[k + 1], -1)
-    rests = np.zeros(steps, dtype=np.uint8)
-    for step in resets[1:]:
-        rests[step + 1 : step + 1 + rest_steps] = 1
+    event, constant = weigh(weights, resets[1:])
     return _Unit(
         cues=np.ascontiguousarray(cues.T).astype(np.uint8),
         rests=rests,
@@ -246,9 +295,27 @@ def _assemble(
         layer_first=resets + 1,
         layer_press=np.append(resets[1:], steps),
         layer_sizes=sizes,
-        memory_track=track[np.arange(states), memories],
+        memory_track=track[np.arange(cues.shape[1]), memories],
         memory_next=after,
+        event=event,
+        constant=constant,
+        dropped=0.0 if ray is None else ray.bound,
     )
+
+
+def weigh(weights: Floats, events: Ints) -> tuple[Floats, float]:
+    """P(observation | M) at the end of each layer of a unit, over its greatest, and the constant in nats.
+
+    The last layer ends with no event: ones stand there.
+    """
+    greatest = weights[events].max(axis=1, keepdims=True, initial=0.0)
+    silent = np.ones(len(weights), dtype=np.bool_)
+    silent[events] = False
+    with np.errstate(divide="ignore"):
+        constant = np.log(greatest).sum() + np.log(weights[silent, 0]).sum()
+    event = np.ones((len(events) + 1, weights.shape[1]))
+    event[:-1] = weights[events] / np.where(greatest > 0, greatest, 1.0)
+    return event, float(constant)
 
 
 def join(units: Sequence[_Unit]) -> Lattice:
@@ -290,4 +357,7 @@ def join(units: Sequence[_Unit]) -> Lattice:
         ),
         unit_layers=starts([len(unit.layer_first) for unit in units]),
         unit_tracks=tracks,
+        event=np.concatenate([unit.event for unit in units]),
+        unit_constant=np.array([unit.constant for unit in units]),
+        unit_dropped=np.array([unit.dropped for unit in units]),
     )

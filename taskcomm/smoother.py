@@ -2,12 +2,13 @@
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from taskcomm.lattice import Bools, Extent, Floats, Ints, Lattice, build_unit, join
+from taskcomm.lattice import MAX_MEMORIES, Bools, Extent, Floats, Ints, Lattice, build_unit, join
+from taskcomm.observation import observation_weights
 from taskcomm.teacher import Parameters, TeacherModel
 from taskcomm.trials import Trial
 from taskcomm.world import World
@@ -36,28 +37,65 @@ def task_prior(world: World, prior: ArrayLike | None) -> Floats:
     return np.asarray(weight / weight.sum(), dtype=np.float64)
 
 
-def hypotheses(table: Bools, prior: Floats, task: int | None) -> tuple[list[Bools], list[Floats]]:
-    """The distinct cue tables (T, M) that the tasks in question give, each with its tasks' weights.
+def seen(trial: Trial, world: World, model: TeacherModel, labels: bool = False) -> Floats | None:
+    """P(observation | M, task) of every step, (T, tasks, 2 + M), or None where presses are all there is.
 
-    Weights are over all tasks: 1 for the known task, else the prior of the tasks that share the table.
+    With `labels`, a press that annotators have labelled has been made for one of the reasons they gave.
+    Raises ValueError naming trial and step for a signal or a label that the model cannot take.
     """
+    given = trial.labels if labels else ()
+    if model.observation.is_exact_key and trial.recorded.all() and not given:
+        return None
+    try:
+        weights = observation_weights(trial, world, model)
+    except ValueError as error:
+        raise ValueError(f"trial {trial.trial_id}: {error}") from None
+    at = {seq: t for t, seq in enumerate(trial.step_seqs)}
+    allowed: dict[int, set[str]] = {}
+    for label in given:
+        allowed.setdefault(at[label["press_seq"]], set()).add(label["mental_state"])
+    for t, states in allowed.items():
+        if unknown := states - set(model.mental_states):
+            raise ValueError(
+                f"trial {trial.trial_id}: step {t} is labelled {min(unknown)!r}, no state of the model"
+            )
+        weights[t, :, [state not in states for state in model.mental_states]] = 0.0
+    return weights
+
+
+class Hypothesis(NamedTuple):
+    """What a trial shows under some tasks: cues (T, M), P(observation | M) (T, 2 + M) unless plain, and the
+    weight of each task, (tasks,), 0 for those under which it shows something else."""
+
+    cues: Bools
+    weights: Floats | None
+    share: Floats
+
+
+def hypotheses(table: Bools, weights: Floats | None, prior: Floats, task: int | None) -> list[Hypothesis]:
+    """What a trial shows under each task, tasks that show the same together.
+
+    `table` (T, M, tasks) and `weights` (T, tasks, 2 + M) are those of all tasks; a known `task` weighs 1.
+    """
+
+    def of(k: int) -> tuple[Bools, Floats | None]:
+        return np.ascontiguousarray(table[:, :, k]), None if weights is None else weights[:, k].copy()
+
     if task is not None:
-        only = np.zeros(len(prior))
-        only[task] = 1.0
-        return [table[:, :, task]], [only]
-    groups: dict[bytes, tuple[Bools, Floats]] = {}
+        return [Hypothesis(*of(task), np.eye(len(prior))[task])]
+    groups: dict[tuple[bytes, bytes], Hypothesis] = {}
     for k in np.flatnonzero(prior):
-        cues = np.ascontiguousarray(table[:, :, k])
-        _, weights = groups.setdefault(cues.tobytes(), (cues, np.zeros(len(prior))))
-        weights[k] = prior[k]
-    return [cues for cues, _ in groups.values()], [weights for _, weights in groups.values()]
+        cues, observed = of(int(k))
+        key = cues.tobytes(), b"" if observed is None else observed.tobytes()
+        groups.setdefault(key, Hypothesis(cues, observed, np.zeros(len(prior)))).share[k] = prior[k]
+    return list(groups.values())
 
 
 class Chain:
     """The buffers of the passes over one lattice, and the passes themselves.
 
     `run(parameters)` gives the log-likelihood of every unit, in nats, shape (units,); `smooth(weights)`
-    then leaves `memory` (memories,) and `flow` (memories, 1 + M), see `_chain.backward`.
+    then leaves `memory` (memories,) and `flow` (memories, 2 + M), see `_chain.backward`.
     """
 
     def __init__(self, lattice: Lattice) -> None:
@@ -66,7 +104,7 @@ class Chain:
         self.units = len(lattice.unit_layers) - 1
         self.share, self.slope = np.zeros(lattice.size), np.zeros((5, lattice.size))
         self.quiet, self.entered, self.left, self.ahead, self.memory = np.zeros((5, memories))
-        self.flow = np.zeros(lattice.memory_next.shape)
+        self.flow = np.zeros((memories, lattice.event.shape[1]))
         self.total, self.log_likelihood = np.zeros(layers), np.zeros(self.units)
         self.parameters: Parameters | None = None
 
@@ -100,21 +138,27 @@ class Chain:
         assert p is not None
         _chain.backward(
             self.lattice, 0, self.units, p.mistake, p.peak, self.share, self.quiet, self.entered, self.left,
-            self.total, unit_weight, self.ahead, self.memory, self.flow,
+            self.total, self.log_likelihood, unit_weight, self.ahead, self.memory, self.flow,
         )  # fmt: skip
 
     def reasons(self, unit: int) -> Floats:
-        """P(reason | trial) of every press of a unit, shape (presses, 1 + M), after `smooth`."""
+        """P(M | trial) at every event of a unit, shape (events, 2 + M), after `smooth`."""
         p, lattice = self.parameters, self.lattice
         assert p is not None
         layers = range(lattice.unit_layers[unit], lattice.unit_layers[unit + 1] - 1)
-        result = np.zeros((len(layers), len(p.peak) + 1))
+        result = np.zeros((len(layers), len(p.peak) + 2))
         for row, layer in enumerate(layers):
             memories = slice(lattice.layer_memories[layer], lattice.layer_memories[layer + 1])
-            levels = self.share[lattice.memory_base[memories] + lattice.layer_press[layer]]
-            result[row, 0] = (self.flow[memories, 0] * p.mistake).sum()
-            result[row, 1:] = (self.flow[memories, 1:] * p.peak * levels).sum(axis=0)
+            approvals = p.peak * self.share[lattice.memory_base[memories] + lattice.layer_press[layer]]
+            waiting = 1 - p.mistake - approvals.sum(axis=1, keepdims=True)
+            mistake = np.full((len(approvals), 1), p.mistake)
+            result[row] = (self.flow[memories] * np.hstack([waiting, mistake, approvals])).sum(axis=0)
         return result
+
+    def events(self, unit: int) -> Ints:
+        """The steps of a unit's events, shape (events,)."""
+        layers = self.lattice.unit_layers[unit : unit + 2]
+        return self.lattice.layer_press[layers[0] : layers[1] - 1]
 
 
 @dataclass(frozen=True)
@@ -170,22 +214,26 @@ def smooth(
     parameters = model.parameters(world.cue_names)
     weight = task_prior(world, prior)
     task = None if trial.task is None else index_of_task(trial, world, trial.task)
-    tables, shares = hypotheses(cue_tables(trial, world, parameters.cue), weight, task)
+    shown = hypotheses(cue_tables(trial, world, parameters.cue), seen(trial, world, model), weight, task)
     extent = Extent.of(parameters)
-    chain = Chain(join([build_unit(table, trial.presses, extent, model.dt) for table in tables]))
-    evidence = chain.run(parameters) + np.log([share.sum() for share in shares])
+    units = [
+        build_unit(one.cues, trial.presses, extent, model.dt, MAX_MEMORIES, one.weights) for one in shown
+    ]
+    chain = Chain(join(units))
+    evidence = chain.run(parameters) + np.log([one.share.sum() for one in shown])
     best = evidence.max()
     posterior = np.exp(evidence - best)
     answer = best + np.log(posterior.sum())
     posterior /= posterior.sum()
     chain.smooth(posterior)
-    reasons = np.zeros((int(trial.presses.sum()), 2 + len(parameters.peak)))
-    reasons[:, 1:] = sum(chain.reasons(unit) for unit in range(chain.units))
-    over_tasks = sum(p * share / share.sum() for p, share in zip(posterior, shares, strict=True))
+    reasons = np.zeros((trial.num_steps, 2 + len(parameters.peak)))
+    for unit in range(chain.units):
+        reasons[chain.events(unit)] += chain.reasons(unit)
+    over_tasks = sum(p * one.share / one.share.sum() for p, one in zip(posterior, shown, strict=True))
     return Smoothed(
         mental_states=model.mental_states,
         steps=np.flatnonzero(trial.presses),
-        reasons=reasons,
+        reasons=reasons[trial.presses],
         task=np.asarray(over_tasks, dtype=np.float64),
         log_likelihood=float(answer),
     )

@@ -229,7 +229,7 @@ def test_ten_thousand_steps_with_500_presses_are_fitted_or_refused_by_a_stated_b
     lit = by_hand(["light_on(1)"] + ["noa"] * 9_999, presses)
     assert fit([lit], WORLD, starts=1).log_likelihood > log_likelihood([lit], WORLD, TeacherModel.intuitive())
     restless = by_hand(["light_on(1)", "light_off(1)"] * 5_000, presses)
-    with pytest.raises(FitError, match="trial hand: more than 20000 memories by press"):
+    with pytest.raises(FitError, match="trial hand: more than 20000 memories by event"):
         fit([restless], WORLD)
 
 

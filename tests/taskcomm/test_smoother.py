@@ -134,7 +134,7 @@ def test_ten_thousand_steps_with_500_presses_are_smoothed_or_refused_by_a_stated
     cycle = ["light_on(1)", "light_on(2)", "light_off(1)", "light_off(2)"]
     restless = by_hand(held + cycle * 2_499 + ["noa"] * 2, sorted(presses), task=3)
     slow = teacher(rises=(9.0, 9.0, 9.0), falls=(9.0, 9.0, 9.0))
-    with pytest.raises(LatticeTooLarge, match="more than 200000 memories by press"):
+    with pytest.raises(LatticeTooLarge, match="more than 200000 memories by event"):
         smooth(restless, slow)
 
 
