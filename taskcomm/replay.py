@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taskcomm.belief import Belief, entropy
+from taskcomm.robot import PRUNE
 from taskcomm.teacher import ModelError, TeacherModel
-from taskcomm.trials import Trial
+from taskcomm.trials import Step, Trial
 from taskcomm.world import World
 
 Floats = NDArray[np.float64]
@@ -19,13 +20,15 @@ Floats = NDArray[np.float64]
 class BeliefPath:
     """The belief before the first step and after each: `marginal` is (steps + 1, tasks), `time` in seconds.
 
-    `pressed` is (steps,): press s falls in the step that ends at time[s + 1].
+    `pressed` is (steps,): press s falls in the step that ends at time[s + 1]; `recorded` is (steps,), False
+    where the key was not recorded.
     """
 
     world: World
     time: Floats
     marginal: Floats
     pressed: NDArray[np.bool_]
+    recorded: NDArray[np.bool_]
 
     @property
     def entropy(self) -> Floats:
@@ -73,14 +76,18 @@ class BeliefPath:
                 field: {str(value): column.tolist() for value, column in columns.items()}
                 for field, columns in marginals.items()
             },
-            "pressed": self.pressed.tolist(),
+            "pressed": [
+                bool(key) if recorded else None
+                for key, recorded in zip(self.pressed, self.recorded, strict=True)
+            ],
         }
 
 
 def belief_path(trial: Trial, model: TeacherModel, prior: ArrayLike | None = None) -> BeliefPath:
     """The exact belief of a robot that has `model`, over the steps of `trial`.
 
-    The task of the trial is not used. Raises ModelError if the model's dt is not the trial's.
+    Signals count as far as the model has their channels. The task of the trial is not used. Raises ModelError
+    if the model's dt is not the trial's.
 
     >>> from taskcomm.trials import Step
     >>> from taskcomm.world import Action, BallWorld
@@ -92,13 +99,13 @@ def belief_path(trial: Trial, model: TeacherModel, prior: ArrayLike | None = Non
     Source: the paper, section 5 (figures of the task marginals and of the entropy).
     """
     check_dt(trial, model)
-    belief = Belief.initial(trial.world, model, prior)
+    belief = _before(trial, model, prior)
     rows = [belief.marginal()]
     for step, state in zip(trial.steps, trial.states, strict=True):
-        belief = belief.update(state, step.pressed)
+        belief = belief.update(state, step.pressed, step.signals)
         rows.append(belief.marginal())
     time = np.arange(trial.num_steps + 1, dtype=np.float64) * trial.dt
-    return BeliefPath(trial.world, time, np.array(rows), trial.presses)
+    return BeliefPath(trial.world, time, np.array(rows), trial.presses, trial.recorded)
 
 
 def situation(trial: Trial, model: TeacherModel, step: int) -> tuple[Belief, Hashable]:
@@ -111,10 +118,16 @@ def situation(trial: Trial, model: TeacherModel, step: int) -> tuple[Belief, Has
         raise ValueError(
             f"trial {trial.trial_id} has {trial.num_steps} steps, from 0; there is no step {step}"
         )
-    belief, state = Belief.initial(trial.world, model), trial.world.start()
+    belief, state = _before(trial, model), trial.world.start()
     for done, state in zip(trial.steps[:step], trial.states, strict=False):
-        belief = belief.update(state, done.pressed)
+        belief = belief.update(state, done.pressed, done.signals)
     return belief, state
+
+
+def _before(trial: Trial, model: TeacherModel, prior: ArrayLike | None = None) -> Belief:
+    """The belief before a trial, exact wherever that keeps memories few."""
+    hides = model.observation.miss > 0 or not trial.recorded.all()
+    return Belief.initial(trial.world, model, prior, prune=PRUNE if hides else 0.0)
 
 
 @dataclass(frozen=True)
@@ -158,28 +171,37 @@ def press_reasons(
         return ()
     unknown = replace(trial, task=None)
     smoothed = smooth(unknown, model, prior=prior)
-    belief = Belief.initial(trial.world, model, prior)
+    belief = _before(trial, model, prior)
+    states = tuple(state for state in model.mental_states if state != "waiting" or _fires_by_itself(model))
     at_once = []
     for step, state in zip(trial.steps, trial.states, strict=True):
         if step.pressed:
-            at_once.append(_reasons_of_a_press(belief, state))
-        belief = belief.update(state, step.pressed)
+            at_once.append(_reasons_of_a_press(belief, state, step, states))
+        belief = belief.update(state, step.pressed, step.signals)
     return tuple(
         PressReason(
             step=int(step),
             time=(int(step) + 1) * trial.dt,
             at_once=now,
-            at_end={state: p for state, p in smoothed.of_press(press).items() if state != "waiting"},
+            at_end={state: p for state, p in smoothed.of_press(press).items() if state in states},
             noted=trial.steps[step].mental_state,
         )
         for press, (step, now) in enumerate(zip(smoothed.steps, at_once, strict=True))
     )
 
 
-def _reasons_of_a_press(belief: Belief, state: Hashable) -> dict[str, float]:
-    """P(mental state | a press in the coming step, all before it)."""
-    reasons = belief.press_joint(state).sum(axis=0)
-    return dict(zip(belief.model.mental_states[1:], (reasons / reasons.sum()).tolist(), strict=True))
+def _fires_by_itself(model: TeacherModel) -> bool:
+    """Whether a press may have no reason: it is put down to `waiting` then."""
+    return model.observation.false_press > 0
+
+
+def _reasons_of_a_press(
+    belief: Belief, state: Hashable, step: Step, states: tuple[str, ...]
+) -> dict[str, float]:
+    """P(mental state | a press and the signals of the coming step, all before it)."""
+    reasons = belief.mental_joint(state, True, step.signals).sum(axis=0)
+    shares = dict(zip(belief.model.mental_states, (reasons / reasons.sum()).tolist(), strict=True))
+    return {state: shares[state] for state in states}
 
 
 def check_dt(trial: Trial, model: TeacherModel) -> None:

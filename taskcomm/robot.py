@@ -10,11 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from taskcomm.belief import Belief
+from taskcomm.observation import Signals
 from taskcomm.routes import route
 from taskcomm.teacher import TeacherModel
 from taskcomm.world import World, is_goal
 
 FAR = 10  # steps that a robot with a deadline looks ahead if time allows
+NEAR = 2  # steps that a robot looks ahead that has more to observe than an exact key
+PRUNE = 1e-9  # weight that its belief may leave out in a step
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +32,8 @@ class Controller(Protocol):
 
     `act(None)` gives the first action of a trial; `act(pressed)` the next one, given whether the
     spacebar was pressed in the step just done. `source` says who chose the last action
-    (`planner`, `operator` or `default`), `description` what a log should say of the controller.
+    (`planner`, `operator` or `default`), `description` what a log should say of the controller. A controller
+    that makes use of further signals takes them by name: `act(pressed, signals={"gaze": "2"})`.
     """
 
     @property
@@ -63,7 +67,9 @@ class Robot:
     moves to another task, changes the robot's course. `prior` is over `world.tasks`.
 
     With a `deadline` (s for one decision) the planner looks as far ahead as it gets by then, at most its
-    own horizon, which is 10 unless a planner is given. The same trial may then go another way on another
+    own horizon, which is 10 unless a planner is given. Where more than an exact key is observed, a robot
+    plans 2 steps ahead unless it has a deadline, and its belief leaves out memories of 1e-9 together in a
+    step (`belief.dropped` bounds what that does). The same trial may then go another way on another
     machine, or a busier one: `decision.horizon` says how far each decision looked.
 
     `belief`, `state` and `decision` (the planner's last; None where it was not asked) are there
@@ -99,7 +105,8 @@ class Robot:
                 raise ValueError(f"planner: made for another {name} than the robot's")
         self.world, self.model, self.threshold, self.deadline = world, model, threshold, deadline
         self._planner = planner
-        self._initial = Belief.initial(world, model, prior)
+        self._branches = not model.observation.is_exact_key
+        self._initial = Belief.initial(world, model, prior, prune=PRUNE if self._branches else 0.0)
         self.reset()
 
     @property
@@ -118,7 +125,8 @@ class Robot:
 
     @property
     def _default_horizon(self) -> int:
-        return 5 if self.deadline is None else FAR
+        near = NEAR if self._branches else 5
+        return near if self.deadline is None else FAR
 
     @property
     def description(self) -> dict[str, Any]:
@@ -147,12 +155,15 @@ class Robot:
         self._begun = self._over = False
         self._ways: dict[tuple[Hashable, Hashable], Any] = {}
 
-    def act(self, pressed: bool | None) -> Any:
-        """The next action, or Final; `pressed` is None at the first call of a trial."""
+    def act(self, pressed: bool | None, signals: Signals | None = None) -> Any:
+        """The next action, or Final; `pressed` is None at the first call of a trial.
+
+        `signals` are those of the model's channels that were observed in the step just done.
+        """
         if self._over or (pressed is None) == self._begun:
             raise ValueError("a trial begins with act(None), goes on with act(pressed) and ends with Final")
         if pressed is not None:
-            self.belief = self.belief.update(self.state, bool(pressed))
+            self.belief = self.belief.update(self.state, bool(pressed), signals)
         action = self._choice()
         self._begun, self._over = True, isinstance(action, Final)
         if not self._over:
@@ -187,7 +198,11 @@ def _check_deadline(deadline: float | None, planner: Planner | None) -> None:
         return
     if isinstance(deadline, bool) or not isinstance(deadline, Real) or not deadline > 0:
         raise ValueError(f"deadline: must be a positive number of seconds, not {deadline!r}")
-    if planner is not None:
-        taken = inspect.signature(planner.plan).parameters.values()
-        if not any(p.name == "deadline" or p.kind is p.VAR_KEYWORD for p in taken):
-            raise ValueError(f"deadline: {type(planner).__name__}.plan(belief, state) takes none")
+    if planner is not None and not takes(planner.plan, "deadline"):
+        raise ValueError(f"deadline: {type(planner).__name__}.plan(belief, state) takes none")
+
+
+def takes(function: Callable[..., Any], name: str) -> bool:
+    """Whether a function takes an argument of this name."""
+    taken = inspect.signature(function).parameters.values()
+    return any(p.name == name or p.kind is p.VAR_KEYWORD for p in taken)

@@ -7,7 +7,8 @@ from collections.abc import Hashable, Mapping
 import numpy as np
 
 from taskcomm.levels import advance, approval_probability
-from taskcomm.robot import Controller, Final
+from taskcomm.observation import Observer, Signals
+from taskcomm.robot import Controller, Final, takes
 from taskcomm.teacher import TeacherModel
 from taskcomm.trials import Step, Trial
 from taskcomm.world import InvalidAction, World
@@ -18,11 +19,12 @@ class SimulatedTeacher:
 
     The number u in [0, 1) picks M_t by the cumulative sum in the order mistake, approval states as
     in the model, waiting; so the spacebar is pressed where u < P(press), and two robots or two
-    models met with the same seed meet the same luck. `forced` maps a step (from 0) to the mental
-    state it shall have, come what may.
+    models met with the same seed meet the same luck. A key that errs takes one more number a step, and
+    so does every channel of the model; what channels show is in `signals` (None without any). `forced` maps
+    a step (from 0) to the mental state it shall have, come what may.
 
     Raises ValueError for a task or a forced mental state that does not exist, ModelError for a cue
-    that the world does not have.
+    or a role that the world does not have.
 
     >>> from taskcomm.world import BallWorld
     >>> world = BallWorld()
@@ -51,12 +53,14 @@ class SimulatedTeacher:
         self._column = list(world.tasks).index(task)
         self._parameters = model.parameters(world.cue_names)
         self._order = ("mistake", *model.approvals, "waiting")
+        self._observer = Observer(world, model)
         self.reset()
 
     def reset(self) -> None:
         """Before the first step: levels 0, nothing seen, nothing pressed."""
         p = self._parameters
         self.mental_state: str | None = None
+        self.signals: Signals | None = None
         self.step = 0
         self._level = np.zeros(len(p.cue))
         self._on_time = np.zeros(len(p.cue))
@@ -80,10 +84,19 @@ class SimulatedTeacher:
         if self.mental_state in self.model.approvals:
             reset = self._order.index(self.mental_state) - 1
             self._level[reset] = self._on_time[reset] = 0.0
-        pressed = self.mental_state != "waiting"
+        pressed = self._show(self.mental_state, rng)
         if pressed:
             self._last_press = self.step
         self.step += 1
+        return pressed
+
+    def _show(self, mental_state: str, rng: np.random.Generator) -> bool:
+        """Whether the key is pressed; signals are drawn where the model has channels."""
+        if self._observer.exact:
+            return mental_state != "waiting"
+        at = self.model.mental_states.index(mental_state)
+        pressed, signals = self._observer.draw(self._column, at, rng)
+        self.signals = signals or None
         return pressed
 
 
@@ -124,7 +137,7 @@ def run_trial(
     teacher.reset()
     state, displayed, reason = world.start(), None, "final"
     steps: list[Step] = []
-    action = controller.act(None)
+    action, hears_signals = controller.act(None), takes(controller.act, "signals")
     while not isinstance(action, Final):
         if len(steps) == max_steps:
             reason = "timeout"
@@ -134,8 +147,9 @@ def run_trial(
         source = controller.source
         state = world.step(state, action)
         pressed = teacher.observe(state, teacher_rng)
-        steps.append(Step(action, pressed, source, teacher.mental_state))
-        action = controller.act(pressed)
+        steps.append(Step(action, pressed, source, teacher.mental_state, signals=teacher.signals))
+        heard = {"signals": teacher.signals} if hears_signals else {}
+        action = controller.act(pressed, **heard)
     else:
         displayed = action.task
     description = dict(controller.description)
