@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.stats import CensoredData, ecdf
 
+from learn.exposure import FitError
 from learn.plots import axes_or_new, style_of, styled
 from taskcomm.belief import Belief
 from taskcomm.lattice import Bools, Floats, Ints
@@ -99,19 +100,29 @@ def press_probability(trial: Trial, model: TeacherModel) -> Floats:
 
 
 @styled
-def waits_figure(trials: Sequence[Trial], accounts: Mapping[str, PressProbability]) -> Figure:
-    """A panel for each cue that came on: the share of onsets without a press by then, and the accounts'."""
-    panels = [waits for cue in trials[0].world.cue_names if (waits := waits_after(trials, cue)) is not None]
-    figure = Figure(figsize=(min(4.6 * len(panels), 13.8) + 0.4, 3.6 * -(-len(panels) // 3)))
-    grid = figure.subplots(-(-len(panels) // 3), min(len(panels), 3), squeeze=False)
+def waits_figure(
+    trials: Sequence[Trial], accounts: Mapping[str, PressProbability]
+) -> tuple[Figure, list[dict[str, Any]]]:
+    """A panel for each cue that came on: the share of onsets without a press by then, as observed and as
+    each account expects it; and the numbers behind it, a row for each cue, account and time.
+
+    Raises FitError where no cue ever came on.
+    """
+    cues = trials[0].world.cue_names
+    panels = [waits for cue in cues if (waits := waits_after(trials, cue)) is not None]
+    if not panels:
+        raise FitError("no cue ever came on: there are no onsets to wait after")
+    down, across = -(-len(panels) // 3), min(len(panels), 3)
+    figure = Figure(figsize=(4.6 * across + 0.4, 3.6 * down))
+    grid = figure.subplots(down, across, squeeze=False)
     probabilities = {name: [account(trial) for trial in trials] for name, account in accounts.items()}
     for ax, waits in zip(grid.ravel(), panels, strict=False):
         waits_axes(waits, probabilities, ax)
     for ax in grid.ravel()[len(panels) :]:
         ax.remove()
     handles, labels = grid[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower left", ncols=min(len(labels), 2 * len(panels), 4))
-    return figure
+    figure.legend(handles, labels, loc="outside lower left", ncols=min(len(labels), 2 * across, 4))
+    return figure, [row for waits in panels for row in _rows(waits, probabilities)]
 
 
 @styled
@@ -134,21 +145,13 @@ def waits_axes(waits: Waits, probabilities: Mapping[str, Sequence[Floats]], ax: 
     return ax
 
 
-def waits_rows(trials: Sequence[Trial], accounts: Mapping[str, PressProbability]) -> list[dict[str, Any]]:
-    """The numbers of `waits_figure`: a row for each cue, account and time."""
-    rows: list[dict[str, Any]] = []
-    probabilities = {name: [account(trial) for trial in trials] for name, account in accounts.items()}
-    for cue in trials[0].world.cue_names:
-        waits = waits_after(trials, cue)
-        if waits is None:
-            continue
-        for time, share, *band in zip(*map(np.ndarray.tolist, waits.curve()), strict=True):
-            low, high = ("" if math.isnan(end) else end for end in band)
-            rows.append(_row(cue, "observed", time, share, low, high))
-        for name, of_trials in probabilities.items():
-            for time, share in zip(*map(np.ndarray.tolist, waits.expected(of_trials)), strict=True):
-                rows.append(_row(cue, name, time, share))
-    return rows
+def _rows(waits: Waits, probabilities: Mapping[str, Sequence[Floats]]) -> Iterator[dict[str, Any]]:
+    for time, share, *band in zip(*map(np.ndarray.tolist, waits.curve()), strict=True):
+        low, high = ("" if math.isnan(end) else end for end in band)
+        yield _row(waits.cue, "observed", time, share, low, high)
+    for name, of_trials in probabilities.items():
+        for time, share in zip(*map(np.ndarray.tolist, waits.expected(of_trials)), strict=True):
+            yield _row(waits.cue, name, time, share)
 
 
 def _row(cue: str, account: str, seconds: float, share: float, *band: Any) -> dict[str, Any]:

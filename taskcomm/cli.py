@@ -24,6 +24,9 @@ app = typer.Typer(
 )
 
 Logs = Annotated[list[Path], typer.Argument(help="Trial logs: files, or directories of them.", exists=True)]
+TableStep = Annotated[
+    float | None, typer.Option("--dt", help="Length of a step in seconds, of cue tables without a column dt.")
+]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of every random draw.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else, on stdout.")]
 Jobs = Annotated[int, typer.Option(min=1, help="Processes; results do not depend on it.")]
@@ -67,20 +70,39 @@ def simulate(
 
 @app.command(epilog="Example: taskcomm fit trials.jsonl --out learned.json --delays")
 def fit(
-    logs: Logs,
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Trial logs: files, or directories of them; or cue tables (.csv, .parquet).", exists=True
+        ),
+    ],
     out: Annotated[Path, typer.Option(help="Model file to write, in a folder that is there.")],
     initial: Annotated[str, typer.Option(help="Model to start from: a file, or 'intuitive'.")] = "intuitive",
     convert_dt: ConvertDt = False,
     delays: Annotated[bool, typer.Option("--delays", help="Fit the delays too.")] = False,
+    decays: Annotated[bool, typer.Option("--decays", help="Fit the decays of the plateaus too.")] = False,
     starts: Annotated[int, typer.Option(min=1, help="Starts of EM; the first is the initial model.")] = 6,
     max_iter: Annotated[int, typer.Option(min=1, help="Iterations of EM from each start.")] = 500,
     task_unknown: Annotated[
         bool, typer.Option("--task-unknown", help="Leave the task cards unused, as if they were lost.")
     ] = False,
+    dt: TableStep = None,
+    folds: Annotated[
+        int, typer.Option(min=0, help="Folds of people for the comparison of a cue table; 0 for none.")
+    ] = 5,
+    figure: Annotated[
+        Path | None,
+        typer.Option(help="Figure of the times to the first press in a cue table (.png, .svg, .pdf)."),
+    ] = None,
     seed: Seed = 0,
+    jobs: Jobs = 2,
     json: Json = False,
 ) -> None:
-    """Fit the teacher model to logged trials by EM (not converged: model marked, exit code 4)."""
+    """Fit the teacher model to logged trials by EM (not converged: model marked, exit code 4).
+
+    Cue tables, anybody's cues and presses with a row for each step, need no World; the fit to them is set
+    beside a constant, the intuitive model, a plateau that decays, and free bins.
+    """
     settings = dict(locals())
     from taskcomm.commands import fit as command
 
@@ -159,15 +181,17 @@ def replay(
 @app.command(epilog="Example: taskcomm validate trials.jsonl datasets/")
 def validate(
     paths: Annotated[
-        list[Path], typer.Argument(help="Trial logs: files, or directories of them.", exists=True)
+        list[Path],
+        typer.Argument(help="Trial logs: files, or directories of them; cue tables.", exists=True),
     ],
+    dt: TableStep = None,
     seed: Annotated[int, typer.Option(hidden=True)] = 0,
     json: Json = False,
 ) -> None:
-    """List every problem of trial logs; exit code 3 if there is one."""
+    """List every problem of trial logs and cue tables; exit code 3 if there is one."""
     from taskcomm.commands import validate as command
 
-    raise typer.Exit(command.run(paths=paths, json=json))
+    raise typer.Exit(command.run(paths=paths, dt=dt, json=json))
 
 
 @app.command(epilog="Example: taskcomm demo --out demo-results")

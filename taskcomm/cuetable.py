@@ -203,8 +203,6 @@ class _Reader:
         if "dt" in row:
             self._check_dt(_seconds("dt", row))
         pressed = _flag("press", row, may_miss=True)
-        if pressed is None:
-            raise LineError("column 'press': empty: steps whose key was not recorded cannot be fitted yet")
         key = frozenset(name for name in cues if _flag(name, row)), pressed
         if key not in self._made:
             assert self.world is not None

@@ -1,18 +1,20 @@
-"""`taskcomm validate`: every problem of trial logs."""
+"""`taskcomm validate`: every problem of trial logs and cue tables."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from taskcomm.commands.terminal import Terminal
-from taskcomm.logs import Finding, validate
+from taskcomm.cuerows import is_cue_table
+from taskcomm.cuetable import validate_cue_tables
+from taskcomm.logs import Finding, Report, validate
 
 MOST = 20
 
 
-def run(paths: list[Path], json: bool) -> int:
+def run(paths: list[Path], dt: float | None, json: bool) -> int:
     """Print every problem and notice; 3 if there is a problem."""
     terminal = Terminal(json)
-    report = validate(paths)
+    report = report_of(paths, dt)
     problems, notices = shortened(report.problems), shortened(report.notices)
     counts = {"problems": len(report.problems), "notices": len(report.notices)}
     terminal.document(
@@ -33,6 +35,20 @@ def run(paths: list[Path], json: bool) -> int:
     seen = {"files": len(report.files), "trials": report.trials, "steps": report.steps}
     terminal.line(f"{counted(seen)}: {counted(counts)}")
     return 0 if report.ok else 3
+
+
+def report_of(paths: Sequence[Path], dt: float | None) -> Report:
+    """What there is to say of all the paths, logs first; `dt` is for cue tables that do not say theirs."""
+    tables = [path for path in paths if is_cue_table(path)]
+    logs = [path for path in paths if path not in tables]
+    reports = [validate(logs)] if logs else []
+    reports += [validate_cue_tables(tables, dt)] if tables else []
+    files, problems, notices = (
+        tuple(each for report in reports for each in getattr(report, name))
+        for name in ("files", "problems", "notices")
+    )
+    trials, steps = sum(report.trials for report in reports), sum(report.steps for report in reports)
+    return Report(files, trials, steps, problems, notices)
 
 
 def shortened(findings: Sequence[Finding]) -> list[str]:

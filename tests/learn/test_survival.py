@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from cuestudy import TRUE, WORLD, cue_trials
 
-from learn import log_likelihood
+from learn import FitError, log_likelihood
 from learn.freebins import bernoulli
 from learn.plots import save
-from learn.survival import Waits, press_probability, waits_after, waits_figure, waits_rows
+from learn.survival import Waits, press_probability, waits_after, waits_figure
 from taskcomm.trials import Step, Trial
 
 
@@ -98,14 +98,15 @@ def test_the_true_teacher_is_expected_to_wait_as_long_as_was_seen() -> None:
 
 def test_the_figure_has_a_panel_for_each_cue_and_its_numbers_beside_it(tmp_path: Path) -> None:
     trials, accounts = cue_trials()[:6], {"true": partial(press_probability, model=TRUE)}
-    figure = waits_figure(trials, accounts)
+    figure, rows = waits_figure(trials, accounts)
     titles = [ax.get_title(loc="left") for ax in figure.axes]
     assert [title.split(":")[0] for title in titles] == ["light", "tone"]
-    rows = waits_rows(trials, accounts)
     assert {(row["cue"], row["account"]) for row in rows} == {
         (cue, account) for cue in WORLD.cue_names for account in ("observed", "true")
     }
     save(figure, tmp_path / "waits.png", rows)
     assert (tmp_path / "waits.csv").read_text().startswith("cue,account,seconds,share,low,high\n")
     only = [replace(trial_of("0111", "0001"), trial_id=str(n)) for n in range(2)]
-    assert len(waits_figure(only, accounts).axes) == 1
+    assert len(waits_figure(only, accounts)[0].axes) == 1
+    with pytest.raises(FitError, match="no cue ever came on"):
+        waits_figure([trial_of("000", "010")], accounts)

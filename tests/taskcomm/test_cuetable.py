@@ -78,6 +78,17 @@ def test_values_may_be_written_as_other_programs_write_them(table: Callable[...,
     assert read_cue_tables(table(other.replace("\n", "\r\n"), "other.csv"), dt=0.1) == plain
 
 
+@pytest.mark.parametrize("nothing", ["", "NA", "nan"])
+def test_a_press_that_was_not_recorded_is_unknown_and_not_absent(
+    table: Callable[..., Path], nothing: str
+) -> None:
+    trial = read_cue_tables(table(GOOD.replace("a,p1,1,1,1,0", f"a,p1,1,{nothing},1,0")), dt=0.5)[0]
+    assert [step.pressed for step in trial.steps] == [False, None]
+    model = intuitive_for(CueWorld(("light", "tone")), 0.5)
+    first = Belief.initial(trial.world, model).press_probability(trial.states[0])
+    assert log_likelihood([trial], trial.world, model) == pytest.approx(np.log1p(-first))
+
+
 def test_rows_of_trials_may_alternate_and_columns_stand_anywhere(table: Callable[..., Path]) -> None:
     mixed = "tone,press,t,trial_id\n0,0,0,a\n1,0,0,b\n1,1,1,a\n"
     first, second = read_cue_tables(table(mixed), dt=1.0)
@@ -212,11 +223,16 @@ def test_there_is_an_intuitive_model_for_any_step_and_number_of_cues(dt: float, 
 
 @st.composite
 def shown(draw: st.DrawFn) -> tuple[Trial, TeacherModel]:
-    """A trial of up to four cues and 25 steps of any length, and a model for it."""
+    """A trial of up to four cues and 26 steps of any length, some not recorded, and a model for it."""
     dt = draw(st.sampled_from([0.05, 0.5, 5.0]))
     world = CueWorld(tuple(f"cue{n}" for n in range(draw(st.integers(1, 4)))))
-    table = draw(st.lists(st.tuples(st.sets(st.sampled_from(world.cue_names)), st.booleans()), max_size=25))
-    steps = [Step(world.show(on), pressed) for on, pressed in [(set[str](), False), *table]]
+    table = draw(
+        st.lists(
+            st.tuples(st.sets(st.sampled_from(world.cue_names)), st.sampled_from([True, False, False, None])),
+            max_size=25,
+        )
+    )
+    steps = [Step(world.show(on), pressed) for on, pressed in [(set[str](), None), *table]]
     times = st.floats(dt, 8 * dt)
     tops = {
         f"that_{name}": TableTop(
@@ -244,6 +260,7 @@ def test_nothing_is_assumed_of_what_came_after_the_last_row(
     kept = replace(trial, steps=trial.steps[: length + 1])
     for state, step in zip(trial.states, kept.steps, strict=False):
         press = belief.press_probability(state)
-        value += np.log(press if step.pressed else 1 - press)
-        belief = belief.update(state, bool(step.pressed))
+        if step.pressed is not None:
+            value += np.log(press if step.pressed else 1 - press)
+        belief = belief.update(state, step.pressed)
     assert log_likelihood([kept], trial.world, model) == pytest.approx(value, rel=1e-9, abs=1e-9)
