@@ -15,6 +15,8 @@ from taskcomm.teacher import Parameters, TeacherModel
 from taskcomm.trials import Trial
 from taskcomm.world import World
 
+LEAST, TINY = -1e300, 1e-300  # stand for -inf and 0 where a trial is impossible
+
 
 @dataclass(frozen=True)
 class Expectation:
@@ -77,12 +79,13 @@ class Evidence:
         return self._over_tasks(self.chain.run(parameters))[0]
 
     def _over_tasks(self, of_units: Floats) -> tuple[Floats, Floats]:
-        """Log-likelihoods of trials, and P(unit | trial)."""
+        """Log-likelihoods of trials, -inf for an impossible one, and P(unit | trial)."""
         trial, joint = self.exposure.unit_trial, of_units + self._log_prior
-        best = np.maximum.reduceat(joint, self._first)
+        best = np.maximum(np.maximum.reduceat(joint, self._first), LEAST)
         weight = np.exp(joint - best[trial])
         total = np.add.reduceat(weight, self._first)
-        return best + np.log(total), weight / total[trial]
+        with np.errstate(divide="ignore"):
+            return best + np.log(total), weight / np.maximum(total, TINY)[trial]
 
     def expect(self, parameters: Parameters) -> Expectation:
         """The E-step at `parameters`."""
