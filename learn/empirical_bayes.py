@@ -70,7 +70,8 @@ def fit_population(
         )
     world = trials[0].world if world is None else world
     tell = progress or (lambda done, total: None)
-    pooled = fit(trials, world, initial, **options) if pooled is None else pooled
+    if pooled is None:
+        pooled = fit([trial for own in people.values() for trial in own], world, initial, **options)
     space = TeacherSpace(pooled.model, pooled.free, pooled.settings)
     if full and len(people) < len(space.names):
         raise FitError(
@@ -87,8 +88,8 @@ def fit_population(
         tell(number + 1, most_rounds)
         if number >= FAST_ROUNDS and moved < TOLERANCE:
             status = "converged"
+            tell(most_rounds, most_rounds)
             break
-    tell(most_rounds, most_rounds)
     settings = {
         "prior": asdict(prior),
         "full": full,

@@ -17,7 +17,7 @@ from learn.normal import Normal
 from taskcomm.lattice import Floats
 
 STEPS = 200
-GAIN = 1e-6
+GAIN = 1e-9
 SECANT = 0.5  # half the length of a secant, in standard deviations of the prior
 
 
