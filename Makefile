@@ -8,7 +8,7 @@ READY := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint types layers check verify bench bench-planner bench-planner-peers study-horizons clean
+.PHONY: help setup demo test lint types layers check verify bench bench-planner bench-planner-peers bench-estep study-horizons study-calibration clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):[^#]*## */\1\t/' | expand -t 21
@@ -55,8 +55,14 @@ bench-planner: $(READY)  ## the search against a plain compiled tree, by horizon
 bench-planner-peers: $(READY)  ## pymdp and pomdp-py, in environments of their own, on what they can express
 	PYTHONPATH=tests $(BIN)/python -m benchmarks.planner.peers
 
+bench-estep: $(READY)  ## the E-step against pomegranate and dynamax (in an environment of its own), the same answers
+	PYTHONPATH=tests $(BIN)/python -m benchmarks.estep
+
 study-horizons: $(READY)  ## does looking further help? hours, kept in horizons-results/; goes on where it stopped; ARGS="--minutes 60"
 	$(BIN)/python -m learn.horizons --out horizons-results $(ARGS)
+
+study-calibration: $(READY)  ## when a robot says 98%, how often is it right? minutes, kept in notebooks/results/
+	$(BIN)/python -m learn.calibration_study $(ARGS)
 
 clean:  ## remove .venv and everything made
 	rm -rf $(VENV) demo-results build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis \
