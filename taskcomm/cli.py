@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import typer
 
 DONE, FAILED, USAGE, BAD_DATA, NOT_CONVERGED = range(5)
+SPREAD = ("--models", "--truth", "--sizes")  # options that take several values at once
 
 app = typer.Typer(
     name="taskcomm",
@@ -214,6 +215,57 @@ def demo(
     raise typer.Exit(command.run(**settings))
 
 
+@app.command(epilog="Example: taskcomm recover --truth prompt --sizes 22 44 --closed-loop 50 --out recovery")
+def recover(
+    out: Annotated[Path, typer.Option(help="Directory for rows, report, figures, tables; made if missing.")],
+    truth: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Teachers to recover: prompt, hesitant, intuitive, or model files; several at once"
+            " (default: prompt)."
+        ),
+    ] = None,
+    sizes: Annotated[
+        list[int] | None,
+        typer.Option(min=1, help="Trials in a study, several at once (default: 22 44 200)."),
+    ] = None,
+    robot: Annotated[
+        list[str] | None,
+        typer.Option(help="Who moves the robot: operator, planner, or both in turn (default: each of them)."),
+    ] = None,
+    repeats: Annotated[int, typer.Option(min=1, help="Studies of each size, where the pool has them.")] = 10,
+    pool: Annotated[int, typer.Option(min=1, help="Trials simulated of each kind, at most.")] = 400,
+    loops: Annotated[
+        int, typer.Option(min=0, help="Closed-loop recoveries: plan, log, refit, plan again; 0 for none.")
+    ] = 0,
+    loop_trials: Annotated[int, typer.Option(min=1, help="Trials of each of these.")] = 200,
+    batch: Annotated[int, typer.Option(min=1, help="About so many trials between two refits.")] = 22,
+    held_out: Annotated[int, typer.Option(min=1, help="Fresh trials that models are scored on.")] = 200,
+    closed_loop: Annotated[
+        int, typer.Option(min=0, help="Simulated trials per robot with a learned model; 0 for none.")
+    ] = 0,
+    delays: Annotated[bool, typer.Option("--delays", help="Fit the delays too.")] = False,
+    decays: Annotated[bool, typer.Option("--decays", help="Fit the decays too.")] = False,
+    starts: Annotated[int, typer.Option(min=1, help="Starts of EM.")] = 3,
+    horizon: Horizon = 3,
+    threshold: Threshold = 0.98,
+    max_steps: MaxSteps = 600,
+    balls: Annotated[int, typer.Option(min=2, help="Balls in the world.")] = 3,
+    distances: Annotated[int, typer.Option(min=1, help="Distances on the scale.")] = 4,
+    seed: Seed = 0,
+    jobs: Jobs = 2,
+    json: Json = False,
+) -> None:
+    """Would a fit find the truth? Simulate studies of known teachers, fit them, compare with the truth.
+
+    Every fit is kept in --out as soon as it is done: the same command goes on where it was stopped.
+    """
+    settings = dict(locals())
+    from taskcomm.commands import recover as command
+
+    raise typer.Exit(command.run(**settings))
+
+
 def _print_version(wanted: bool) -> None:
     if wanted:
         from taskcomm import __version__
@@ -237,7 +289,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         warnings.showwarning = _say_warning
         warnings.simplefilter("always", UserWarning)
         try:
-            app(args=_spread("--models", sys.argv[1:] if arguments is None else arguments))
+            app(args=_spread(SPREAD, sys.argv[1:] if arguments is None else arguments))
         except SystemExit as stop:
             return stop.code if isinstance(stop.code, int) else FAILED
         except Exception as error:
@@ -249,17 +301,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return DONE
 
 
-def _spread(option: str, arguments: Sequence[str]) -> list[str]:
-    """`option A B` as `option A option B`: it takes all that follow it, up to the next option.
+def _spread(options: Sequence[str], arguments: Sequence[str]) -> list[str]:
+    """`option A B` as `option A option B`: one of `options` takes all that follow it, up to the next option.
 
-    >>> _spread("--models", ["--models", "a", "b", "--out", "c"])
+    >>> _spread(["--models"], ["--models", "a", "b", "--out", "c"])
     ['--models', 'a', '--models', 'b', '--out', 'c']
     """
     spread: list[str] = []
-    values = -1  # how many the option has taken; below 0 outside of it
+    option, values = "", -1  # how many the option has taken; below 0 outside of it
     for argument in arguments:
         if argument.startswith("-"):
-            values = 0 if argument == option else -1
+            option, values = argument, 0 if argument in options else -1
         elif values >= 0:
             spread += [option] if values else []
             values += 1
