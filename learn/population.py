@@ -9,7 +9,7 @@ from typing import Any, Literal, Self
 
 import numpy as np
 
-from learn.coordinates import Bounds
+from learn.coordinates import Bounds, vector_of
 from learn.draws import Posterior, posterior
 from learn.exposure import trial_hash
 from learn.laplace import laplace
@@ -23,6 +23,7 @@ from taskcomm.wholefile import write_whole
 SCHEMA = "taskcomm.population/1"
 DRAWS = 2000
 ALIKE = "may be alike"
+KEPT = ("task_prior", "labels", "dropped_mass")  # settings that say how trials are read
 
 
 @dataclass(frozen=True)
@@ -110,6 +111,23 @@ class Population:
             raise ValueError(f"estimate: must be 'mode' or 'mean', not {estimate!r}")
         return self.space.model_at(point, made_of("Population.teacher", trials))
 
+    def middle(self, spreads: float = 1.96) -> dict[str, tuple[float, float, float]]:
+        """Each coordinate's parameter, by name: of the mean teacher, and `spreads` below and above it.
+
+        The default holds the middle 95% of teachers. In natural units, within the bounds.
+        """
+        values = {}
+        for j, name in enumerate(self.space.names):
+            aside = spreads * self.normal.spread * (np.arange(len(self.normal.mean)) == j)
+            models = [self.space.model_at(self.normal.mean + way * aside, {}) for way in (0, -1, 1)]
+            at, low, high = (self.parameter(model, name) for model in models)
+            values[name] = (at, low, high)
+        return values
+
+    def parameter(self, model: TeacherModel, name: str) -> float:
+        """The parameter of a model that the coordinate `name` is of, in natural units."""
+        return float(vector_of(model)[self.space.coordinates.index[self.space.names.index(name)]])
+
     def log_predictive(self, trials: Sequence[Trial], given: Sequence[Trial] = (), seed: int = 0) -> float:
         """Log-likelihood of `trials` of a teacher met before in `given`, averaged over what is thought of
         that teacher, in nats. It rests on draws. Raises FitError, see `expose`."""
@@ -143,7 +161,7 @@ class Population:
                 "free": self.space.free.tolist(),
                 "bounds": asdict(settings.bounds),
                 "shared": list(settings.shared),
-                "task_prior": settings.task_prior,
+                **{name: getattr(settings, name) for name in KEPT},
             },
             "provenance": dict(self.provenance),
         }
@@ -188,7 +206,8 @@ def made_of(by: str, trials: Sequence[Trial]) -> dict[str, Any]:
 def _read(document: Mapping[str, Any]) -> dict[str, Any]:
     where = document["space"]
     options: dict[str, Any] = {f"{name}s": "shared" for name in where["shared"]}
-    settings = Settings(bounds=Bounds(**where["bounds"]), task_prior=where["task_prior"], **options)
+    options |= {name: where[name] for name in KEPT}
+    settings = Settings(bounds=Bounds(**where["bounds"]), **options)
     model = TeacherModel.from_dict(where["model"])
     space = TeacherSpace(model, np.array(where["free"], dtype=np.bool_), settings)
     normal = Normal(np.array(document["mean"], dtype=float), np.array(document["covariance"], dtype=float))

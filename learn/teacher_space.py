@@ -64,13 +64,9 @@ class TeacherSpace:
         except ModelError as error:
             raise FitError(str(error)) from None
         extent = space.extent(base)
+        settings = self.settings
         exposure = expose(
-            trials,
-            world,
-            self.model,
-            extent,
-            self.settings.task_prior,
-            MOST_MEMORIES,
-            "a teacher's posterior",
-        )
+            trials, world, self.model, extent, settings.task_prior, MOST_MEMORIES, "a teacher's posterior",
+            settings.labels, settings.dropped_mass,
+        )  # fmt: skip
         return Own(Objective(Evidence(exposure), base, space, None), space.least, space.most)

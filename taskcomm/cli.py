@@ -110,6 +110,35 @@ def fit(
     raise typer.Exit(command.run(**settings))
 
 
+@app.command(epilog="Example: taskcomm population trials.jsonl --out population.json --models teachers")
+def population(
+    logs: Logs,
+    out: Annotated[Path, typer.Option(help="Population file to write, in a folder that is there.")],
+    models: Annotated[
+        Path | None, typer.Option(help="Directory for a model file of each teacher; made if missing.")
+    ] = None,
+    initial: Annotated[str, typer.Option(help="Model to start from: a file, or 'intuitive'.")] = "intuitive",
+    convert_dt: ConvertDt = False,
+    delays: Annotated[bool, typer.Option("--delays", help="Fit the delays too.")] = False,
+    full: Annotated[
+        bool, typer.Option("--full", help="Let parameters go together; needs many teachers.")
+    ] = False,
+    starts: Annotated[int, typer.Option(min=1, help="Starts of EM for the one model of all.")] = 6,
+    draws: Annotated[int, typer.Option(min=20, help="Draws for each teacher in each round.")] = 400,
+    rounds: Annotated[int, typer.Option(min=1, help="Rounds at most.")] = 60,
+    seed: Seed = 0,
+    json: Json = False,
+) -> None:
+    """Fit what teachers have in common and how they differ (not converged: marked, exit code 4).
+
+    A teacher is a participant_id. Each one's model leans on the others' as far as the own trials say little.
+    """
+    settings = dict(locals())
+    from taskcomm.commands import population as command
+
+    raise typer.Exit(command.run(**settings))
+
+
 @app.command(
     epilog="Example: taskcomm compare trials.jsonl --models intuitive fit.json --closed-loop 100 --out cmp"
 )
