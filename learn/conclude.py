@@ -39,6 +39,8 @@ def conclude(
     em_alone = max(path.em_alone for path in paths)
     names = names_of(states)
     model = model_at(vector, initial)
+    if objective.observing is not None:
+        model = replace(model, observation=objective.observing.observation)
     provenance = {
         "made_by": "learn.fit",
         "versions": _versions(),
@@ -79,7 +81,7 @@ def conclude(
         marks=marks,
         remarks=remarks_of(marks, states),
         free=space.free.copy(),
-        num_free=len(space.index),
+        num_free=len(space.index) + (0 if objective.observing is None else objective.observing.num_free),
         settings=settings,
     )
 

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from learn.conclude import conclude
-from learn.coordinates import NAMES, Coordinates
+from learn.coordinates import NAMES, Coordinates, parameters_at
 from learn.estep import Evidence
 from learn.exposure import FitError, expose, trials_given
 from learn.mstep import Objective
+from learn.observing import Observing, with_channels
 from learn.optimum import COARSE, across_breakpoints, climb_smoothly, polish, recombine
 from learn.path import Path, starting_points
 from learn.result import FitResult
@@ -46,11 +47,12 @@ def fit(
     stay those of `initial`. The task of a trial is its card's; where that is None, all tasks are summed
     over with `task_prior` (uniform by default). `mistake_prior` may be None. EM stops when an iteration
     gains no more than `rtol` of the objective, or unconverged after `max_iter` iterations. `search=False`
-    leaves EM alone. With `labels`, presses that annotators labelled have one of the reasons they gave. Key
-    states that were not recorded are summed over, with `dropped_mass` without the memories that hold no
-    more than it together at any event (see `expose`). `weights` (trials,) multiply the log-likelihoods of
-    the trials: whole numbers count them so many times. `progress(done, total)` is called as parts of the
-    work finish.
+    leaves EM alone. `observe` names what is learned of the observation model: "miss", "false_press", or
+    channels (a signal that the initial model has no channel for gets one). With `labels`, presses that
+    annotators labelled have one of the reasons they gave. Key states that were not recorded are summed
+    over, with `dropped_mass` without the memories that hold no more than it together at any event (see
+    `expose`). `weights` (trials,) multiply the log-likelihoods of the trials: whole numbers count them so
+    many times. `progress(done, total)` is called as parts of the work finish.
 
     Deterministic for a seed; the order of the trials does not matter (but for rounding). Raises FitError
     for trials that cannot be fitted together or with this model, see `expose`, and for one with more
@@ -76,9 +78,15 @@ def fit(
     tell = progress or (lambda done, total: None)
     objective = prepare(trials, world, initial, settings, weights)
     space, rng = objective.space, np.random.default_rng(settings.seed)
-    paths = [Path(name, point) for name, point in starting_points(initial, space, settings.starts, rng)]
+    starts = starting_points(initial, space, settings.starts, rng)
+    begun = None if objective.observing is None else objective.observing.observation
+    paths = [Path(name, point, observation=begun) for name, point in starts]
+    paths = [path for path in paths if np.isfinite(objective.value(path.point))]
+    if not paths:
+        raise FitError(_impossible(objective, starts[0][1]))
     total = len(paths) + 2
     for number, path in enumerate(paths):
+        path.resume(objective)
         path.run(objective, settings.max_iter, settings.rtol)
         path.em_alone = path.values[-1]
         if settings.search:
@@ -88,6 +96,7 @@ def fit(
         tell(number + 1, total)
     ends = np.array([path.values[-1] for path in paths])
     best = int(np.flatnonzero(ends >= ends.max() - 10 * COARSE)[0])
+    paths[best].resume(objective)
     if settings.search:
         paths[best].move(objective, paths[int(ends.argmax())].point)
         others = [path.point for path in paths]
@@ -113,6 +122,8 @@ def prepare(
         base = initial.parameters(world.cue_names)
     except ModelError as error:
         raise FitError(str(error)) from None
+    if settings.observe:
+        initial = with_channels(initial, trials, world, settings.observe)
     states = len(initial.approvals)
     rows = np.ones((len(NAMES), states), dtype=np.bool_)
     rows[3:] = [[bool(free)] for free in (settings.delays, settings.decays, settings.holds)]
@@ -120,11 +131,21 @@ def prepare(
     extent = _space(initial, settings, rows).extent(base)
     exposure = expose(
         trials, world, initial, extent, settings.task_prior, MOST_MEMORIES,
-        labels=settings.labels, dropped_mass=settings.dropped_mass,
+        labels=settings.labels, dropped_mass=settings.dropped_mass, together=not settings.observe,
     )  # fmt: skip
     space = _space(initial, settings, rows & exposure.cue_ever_on)
     evidence = Evidence(exposure).with_weights(weights)
-    return Objective(evidence, base, space, settings.mistake_prior)
+    observing = Observing(trials, world, initial, settings.observe, evidence) if settings.observe else None
+    return Objective(evidence, base, space, settings.mistake_prior, observing)
+
+
+def _impossible(objective: Objective, point: Floats) -> str:
+    evidence = objective.evidence
+    each = evidence.log_likelihoods(parameters_at(objective.space.vector(point), objective.base))
+    named = [evidence.exposure.trial_ids[n] for n in np.flatnonzero(~np.isfinite(each))]
+    return (
+        f"trial {', '.join(named[:5])}: impossible at every start: a label or an observation contradicts them"
+    )
 
 
 def _space(initial: TeacherModel, settings: Settings, rows: Bools) -> Coordinates:

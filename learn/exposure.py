@@ -126,12 +126,13 @@ def expose(
     use: str = "a fit",
     labels: bool = False,
     dropped_mass: float = 0.0,
+    together: bool = True,
 ) -> Exposure:
     """The lattice of `trials`, good for every model within `extent` (by default for `model` alone).
 
     With `labels`, presses that annotators labelled have one of the reasons they gave. With a `dropped_mass`
     above 0, memories that hold no more than it together, at each event and under `model`, are left out where
-    key states are unknown (`Lattice.unit_dropped` bounds the loss).
+    key states are unknown (`Lattice.unit_dropped` bounds the loss). Tasks that show the same are one unit, unless `together` is False.
     Trials whose task is None are taken under every task with a positive `prior` (uniform by default).
     Raises TypeError for what are no trials; FitError for zero trials (which this `use` needs), a trial
     without steps, two dt, another dt than the model's, another world, a task that the world lacks, a cue
@@ -152,7 +153,7 @@ def expose(
         try:
             task = None if trial.task is None else index_of_task(trial, world, trial.task)
             table, weights = cue_tables(trial, world, parameters.cue), seen(trial, world, model, labels)
-            shown = hypotheses(table, weights, weight, task)
+            shown = hypotheses(table, weights, weight, task, together)
             units += [
                 build_unit(one.cues, trial.presses, extent, model.dt, most, one.weights, beam)
                 for one in shown

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from learn.ascent import ascend, climb_from
 from learn.coordinates import Coordinates, parameters_at
 from learn.estep import Evidence, Expectation
+from learn.observing import Observing
 from taskcomm.lattice import Floats
 from taskcomm.teacher import Parameters
 
@@ -47,19 +48,26 @@ class Objective:
     """
 
     def __init__(
-        self, evidence: Evidence, base: Parameters, space: Coordinates, prior: MistakePrior | None
+        self,
+        evidence: Evidence,
+        base: Parameters,
+        space: Coordinates,
+        prior: MistakePrior | None,
+        observing: Observing | None = None,
     ) -> None:
         self.evidence, self.base, self.space, self.prior = evidence, base, space, prior
+        self.observing = observing
         self.evaluations = 0
 
     def log_prior(self, vector: Floats) -> float:
-        return 0.0 if self.prior is None else self.prior.log_density(float(vector[0]))
+        """Log density of the priors, on mistake and on the observation model where that is learned."""
+        of_mistake = 0.0 if self.prior is None else self.prior.log_density(float(vector[0]))
+        return of_mistake + (0.0 if self.observing is None else self.observing.log_prior())
 
     def _with_prior(self, vector: Floats, value: float, rates: Floats) -> tuple[float, Floats]:
-        if self.prior is None:
-            return value, self.space.rates(vector, rates)
         rates = rates.copy()
-        rates[0] += self.prior.rate(float(vector[0]))
+        if self.prior is not None:
+            rates[0] += self.prior.rate(float(vector[0]))
         return value + self.log_prior(vector), self.space.rates(vector, rates)
 
     def expect(self, point: Floats) -> Expectation:

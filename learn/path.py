@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from learn.coordinates import NAMES, Coordinates, vector_of
 from learn.mstep import Objective, maximise
+from taskcomm.channels import ObservationModel
 from taskcomm.lattice import Floats
 from taskcomm.teacher import TeacherModel
 
@@ -22,6 +23,12 @@ class Path:
     converged: bool = False
     em_alone: float = 0.0
     searched: float = 0.0
+    observation: ObservationModel | None = None
+
+    def resume(self, objective: Objective) -> None:
+        """Set the objective's observation model, where one is learned, to where the path stands."""
+        if objective.observing is not None and self.observation is not None:
+            objective.observing.set(self.observation)
 
     def run(self, objective: Objective, max_iter: int, rtol: float) -> None:
         """EM from where the path stands, within what is left of `max_iter` iterations."""
@@ -39,6 +46,9 @@ class Path:
             value = after
             self.iterations += 1
             self.point, metric = maximise(objective, self.point, expectation, metric)
+            if objective.observing is not None:
+                objective.observing.learn(expectation)
+                self.observation = objective.observing.observation
 
     def move(self, objective: Objective, point: Floats) -> float:
         """Go to `point` if the objective is higher there; the gain."""

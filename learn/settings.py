@@ -25,12 +25,16 @@ class Settings:
     mistake_prior: MistakePrior | None = MistakePrior()  # noqa: RUF009 (frozen)
     bounds: Bounds = Bounds()  # noqa: RUF009 (frozen)
     task_prior: tuple[float, ...] | None = None
+    observe: tuple[str, ...] = ()
     labels: bool = False
     dropped_mass: float = 0.0
     search: bool = True
     seed: int = 0
 
     def __post_init__(self) -> None:
+        if isinstance(self.observe, str):
+            raise ValueError(f"observe: must be a list of names, not {self.observe!r}")
+        object.__setattr__(self, "observe", tuple(dict.fromkeys(self.observe)))
         if self.task_prior is not None:
             object.__setattr__(self, "task_prior", tuple(map(float, self.task_prior)))
         for name in ("starts", "max_iter"):

@@ -72,8 +72,10 @@ class Hypothesis(NamedTuple):
     share: Floats
 
 
-def hypotheses(table: Bools, weights: Floats | None, prior: Floats, task: int | None) -> list[Hypothesis]:
-    """What a trial shows under each task, tasks that show the same together.
+def hypotheses(
+    table: Bools, weights: Floats | None, prior: Floats, task: int | None, together: bool = True
+) -> list[Hypothesis]:
+    """What a trial shows under each task, tasks that show the same `together` or not.
 
     `table` (T, M, tasks) and `weights` (T, tasks, 2 + M) are those of all tasks; a known `task` weighs 1.
     """
@@ -83,10 +85,10 @@ def hypotheses(table: Bools, weights: Floats | None, prior: Floats, task: int | 
 
     if task is not None:
         return [Hypothesis(*of(task), np.eye(len(prior))[task])]
-    groups: dict[tuple[bytes, bytes], Hypothesis] = {}
+    groups: dict[Any, Hypothesis] = {}
     for k in np.flatnonzero(prior):
         cues, observed = of(int(k))
-        key = cues.tobytes(), b"" if observed is None else observed.tobytes()
+        key = (cues.tobytes(), b"" if observed is None else observed.tobytes()) if together else (k, k)
         groups.setdefault(key, Hypothesis(cues, observed, np.zeros(len(prior)))).share[k] = prior[k]
     return list(groups.values())
 

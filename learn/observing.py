@@ -1,0 +1,233 @@
+"""Learning how M shows: the key's errors and further channels, in the same EM as the table-tops.
+
+Given the responsibilities P(M_t = m, task | trial) the observation model has an M-step of its own, in closed
+form; table-tops and observation model raise the expected log-likelihood apart from each other.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from learn import emissions
+from learn.estep import Evidence, Expectation
+from learn.exposure import FitError
+from taskcomm.channels import NONE, NormalChannel, ObservationModel, TargetChannel
+from taskcomm.lattice import Bools, Floats
+from taskcomm.observation import Observer
+from taskcomm.teacher import ModelError, TeacherModel
+from taskcomm.trials import Trial
+from taskcomm.world import World
+
+KEY = ("miss", "false_press")
+START = {"miss": 0.05, "false_press": 0.001}
+WAITING = 0
+
+
+def with_channels(
+    model: TeacherModel, trials: Sequence[Trial], world: World, learned: Sequence[str]
+) -> TeacherModel:
+    """`model` ready for what is to be `learned`: channels that it lacks added, zeros opened.
+
+    Raises FitError for a channel that no trial has a signal of.
+    """
+    seen, states = model.observation, model.mental_states
+    channels = dict(seen.channels)
+    told: Any = getattr(world, "roles", None)
+    for name in learned:
+        if name in KEY:
+            continue
+        if name not in channels:
+            signals = [value for trial in trials for value in trial.signals(name) if value is not None]
+            if not signals:
+                raise FitError(f"observe: no trial has a signal {name!r}, and the model has no such channel")
+            channels[name] = emissions.first_guess(signals, states, told(world.tasks[0]) if told else None)
+        channels[name] = emissions.opened(channels[name])
+    start = {name: getattr(seen, name) or START[name] for name in KEY if name in learned}
+    try:
+        return replace(model, observation=replace(seen, channels=channels, **start))
+    except ModelError as error:
+        raise FitError(f"observe: {error}") from None
+
+
+class Observing:
+    """The observation model of a fit: where it stands, its M-step, its weights in the lattice.
+
+    `learned` names its parts that move: "miss", "false_press", or channels.
+    """
+
+    def __init__(
+        self,
+        trials: Sequence[Trial],
+        world: World,
+        model: TeacherModel,
+        learned: Sequence[str],
+        evidence: Evidence,
+    ) -> None:
+        self.world, self.base, self.learned, self.evidence = world, model, tuple(learned), evidence
+        self.observation = model.observation
+        lattice, exposure = evidence.exposure.lattice, evidence.exposure
+        steps = exposure.steps[exposure.unit_trial]
+        starts = np.concatenate([[0], np.cumsum(steps)])
+        patterns: dict[Any, int] = {}
+        codes = [
+            np.array(
+                [
+                    patterns.setdefault(_pattern(step, model.observation), len(patterns))
+                    for step in trial.steps
+                ]
+            )
+            for trial in trials
+        ]
+        self._patterns = list(patterns)
+        self._pattern = np.concatenate([codes[trial] for trial in exposure.unit_trial])
+        self._unit = np.repeat(np.arange(len(steps)), steps)
+        self._task = np.array([int(share.argmax()) for share in exposure.unit_tasks])[self._unit]
+        last = np.zeros(len(lattice.layer_press), dtype=np.bool_)
+        last[lattice.unit_layers[1:] - 1] = True
+        self._layers = np.flatnonzero(~last)
+        unit_of_layer = np.repeat(np.arange(len(steps)), np.diff(lattice.unit_layers))
+        self._rows = starts[unit_of_layer] + lattice.layer_press
+        self._silent = np.ones(int(starts[-1]), dtype=np.bool_)
+        self._silent[self._rows[self._layers]] = False
+        # What is not the observation model's: labels, which bar states whatever the observation.
+        self._barred = np.zeros((int(starts[-1]), lattice.event.shape[1]), dtype=np.bool_)
+        events = lattice.event[self._layers]
+        self._barred[self._rows[self._layers]] = (events == 0) & (
+            self._weights()[self._rows[self._layers]] > 0
+        )
+        self._overall = {name: self._spread(name) for name in model.observation.continuous}
+        self.set(model.observation)
+
+    def _spread(self, name: str) -> float:
+        values = [dict(signals).get(name) for _, signals in self._patterns]
+        numbers = [float(value) for value in values if value is not None]
+        return (float(np.std(numbers)) or 1.0) if numbers else 1.0
+
+    def _weights(self) -> Floats:
+        """P(observation | M) of every step of every unit, (steps, 2 + M)."""
+        observer = Observer(self.world, replace(self.base, observation=self.observation))
+        logs = np.array([observer.log_weights(pressed, dict(signals)) for pressed, signals in self._patterns])
+        return np.asarray(np.exp(logs[self._pattern, self._task]))
+
+    def set(self, observation: ObservationModel) -> None:
+        """Stand at `observation`: the lattice's events and constants become its own."""
+        self.observation = observation
+        lattice, weights = self.evidence.exposure.lattice, self._weights()
+        weights[self._barred] = 0.0
+        at_events = weights[self._rows[self._layers]]
+        greatest = at_events.max(axis=1)
+        lattice.event[self._layers] = at_events / np.where(greatest > 0, greatest, 1.0)[:, None]
+        constant = np.zeros(len(self._unit))
+        with np.errstate(divide="ignore"):
+            constant[self._silent] = np.log(weights[self._silent, WAITING])
+            constant[self._rows[self._layers]] = np.log(greatest)
+        lattice.unit_constant[:] = np.bincount(self._unit, constant)
+
+    def log_prior(self) -> float:
+        """Log density of the weak priors on what is learned, in nats, up to a constant."""
+        seen, total = self.observation, 0.0
+        for name in self.learned:
+            if name in KEY:
+                p = getattr(seen, name)
+                total += emissions.PSEUDOCOUNT * (math.log(p) + math.log1p(-p))
+            else:
+                total += emissions.log_prior(seen.channels[name], self._overall.get(name, 1.0))
+        return total
+
+    @property
+    def num_free(self) -> int:
+        return sum(
+            1 if name in KEY else emissions.count(self.observation.channels[name]) for name in self.learned
+        )
+
+    def responsibilities(self, expectation: Expectation) -> Floats:
+        """P(unit, M_t = m | trial) of every step of every unit, weighted by trial: (steps, 2 + M)."""
+        result = np.zeros(self._barred.shape)
+        unit = expectation.unit
+        if self.evidence.weights is not None:
+            unit = unit * self.evidence.weights[self.evidence.exposure.unit_trial]
+        result[self._silent, WAITING] = unit[self._unit[self._silent]]
+        layers = self.evidence.exposure.lattice.layer_memories[:-1]
+        by_layer = np.add.reduceat(expectation.press, layers)
+        result[self._rows[self._layers]] = by_layer[self._layers]
+        return result
+
+    def learn(self, expectation: Expectation) -> None:
+        """The M-step: the expected log-likelihood of what was observed, with the priors, at its greatest."""
+        weight = self.responsibilities(expectation)
+        seen = self.observation
+        channels = dict(seen.channels)
+        for name in self.learned:
+            if name not in KEY:
+                channels[name] = self._channel(name, weight)
+        key = {name: self._error(name, weight) for name in KEY if name in self.learned}
+        self.set(replace(seen, channels=channels, **key))
+
+    def _error(self, name: str, weight: Floats) -> float:
+        """Weight of the steps in which the key erred in this way, over those in which it could have."""
+        pressed = np.array([{None: math.nan}.get(key, float(key or 0)) for key, _ in self._patterns])[
+            self._pattern
+        ]
+        could = weight[:, 1:].sum(axis=1) if name == "miss" else weight[:, WAITING]
+        erred = pressed == (0.0 if name == "miss" else 1.0)
+        counts = float(could[erred].sum()), float(could[~np.isnan(pressed)].sum())
+        return (counts[0] + emissions.PSEUDOCOUNT) / (counts[1] + 2 * emissions.PSEUDOCOUNT)
+
+    def _roles(self) -> list[dict[str, str]]:
+        told: Any = self.world.roles  # type: ignore[attr-defined]
+        return [{**told(task), NONE: NONE} for task in self.world.tasks]
+
+    def _channel(self, name: str, weight: Floats) -> Any:
+        channel = self.observation.channels[name]
+        values = [dict(signals).get(name) for _, signals in self._patterns]
+        there = np.array([value is not None for value in values])[self._pattern]
+        rows, states = np.flatnonzero(there), self.base.mental_states
+        seen = [values[code] for code in self._pattern[rows]]
+        if isinstance(channel, NormalChannel):
+            return self._normal(name, channel, rows, np.array(seen, dtype=np.float64), weight)
+        names = list(channel.roles if isinstance(channel, TargetChannel) else channel.values)
+        if isinstance(channel, TargetChannel):
+            roles = self._roles()
+            seen = [roles[task][str(value)] for task, value in zip(self._task[rows], seen, strict=True)]
+        table = {state: emissions.categorical(names, seen, weight[rows, k]) for k, state in enumerate(states)}
+        return type(channel)(table)
+
+    def _normal(
+        self, name: str, channel: NormalChannel, rows: Any, values: Floats, weight: Floats
+    ) -> NormalChannel:
+        states, overall = self.base.mental_states, self._overall[name]
+
+        def fitted(kept: Bools, k: int, before: tuple[float, float]) -> tuple[float, float]:
+            return emissions.normal(values[kept], weight[rows[kept], k], overall) or before
+
+        if channel.target is None:
+            every = np.ones(len(rows), dtype=np.bool_)
+            moments = {s: fitted(every, k, (channel.mean[s], channel.sd[s])) for k, s in enumerate(states)}
+            return NormalChannel(
+                {s: m for s, (m, _) in moments.items()}, {s: d for s, (_, d) in moments.items()}
+            )
+        named = [dict(self._patterns[code][1]).get(channel.target) for code in self._pattern[rows]]
+        if None in named:
+            raise FitError(
+                f"observe: {name!r} cannot be learned where {channel.target!r} was not recorded with it"
+            )
+        roles = self._roles()
+        role = np.array(
+            [roles[task][str(value)] for task, value in zip(self._task[rows], named, strict=True)]
+        )
+        both = {
+            s: {r: fitted(role == r, k, (channel.mean[s][r], channel.sd[s][r])) for r in channel.roles}
+            for k, s in enumerate(states)
+        }
+        mean = {s: {r: m for r, (m, _) in row.items()} for s, row in both.items()}
+        return NormalChannel(
+            mean, {s: {r: d for r, (_, d) in row.items()} for s, row in both.items()}, channel.target
+        )
+
+
+def _pattern(step: Any, seen: ObservationModel) -> tuple[bool | None, tuple[tuple[str, str | float], ...]]:
+    signals = tuple((name, step.signals[name]) for name in seen.channels if name in (step.signals or {}))
+    return step.pressed, signals

@@ -1,0 +1,151 @@
+"""The observation model is learned in the same EM: channels by role, numbers, a key that errs."""
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from taught import WORLD, operator_trials, teacher
+
+from learn import FitError, fit, log_likelihood
+from learn.coordinates import Bounds
+from learn.em import prepare
+from learn.emissions import categorical, normal
+from learn.mstep import Objective
+from learn.settings import Settings
+from taskcomm.channels import NormalChannel, ObservationModel, PlainChannel, TargetChannel
+from taskcomm.operators import ScriptedOperator
+from taskcomm.simulate import SimulatedTeacher, run_trial
+from taskcomm.teacher import TeacherModel
+from taskcomm.trials import Trial
+
+TRUTH = teacher()
+STATES = TRUTH.mental_states
+LOOK = {
+    "waiting": (0.3, 0.2, 0.3, 0.2),
+    "mistake": (0.2, 0.2, 0.4, 0.2),
+    "that_mov": (0.8, 0.1, 0.05, 0.05),
+    "that_wrt": (0.15, 0.75, 0.05, 0.05),
+    "that_dist": (0.45, 0.45, 0.05, 0.05),
+}
+ROLES = ("mov", "wrt", "other", "none")
+GAZE = TargetChannel({state: dict(zip(ROLES, row, strict=True)) for state, row in LOOK.items()})
+FACE = PlainChannel(
+    {s: {"smile": p, "plain": 1 - p} for s, p in zip(STATES, (0.1, 0.3, 0.6, 0.7, 0.9), strict=True)}
+)
+PUPIL = NormalChannel({s: float(k) for k, s in enumerate(STATES)}, dict.fromkeys(STATES, 0.5))
+SHORT = Bounds(rise=3.0, fall=3.0)
+
+
+def seeing(**parts: Any) -> TeacherModel:
+    return replace(TRUTH, observation=ObservationModel(**parts))
+
+
+@cache
+def watched(count: int, miss: float = 0.0, seed: int = 0) -> tuple[Trial, ...]:
+    model = seeing(miss=miss, channels={"gaze": GAZE, "face": FACE, "pupil": PUPIL})
+    trials = []
+    for number, rng in enumerate(np.random.default_rng(seed).spawn(count)):
+        task = WORLD.tasks[int(rng.integers(len(WORLD.tasks)))]
+        operator, simulated = ScriptedOperator(WORLD), SimulatedTeacher(WORLD, model, task)
+        trials.append(run_trial(operator, simulated, rng, trial_id=f"t{number}"))
+    return tuple(trials)
+
+
+def test_channels_that_the_model_lacks_are_learned_beside_the_table_tops() -> None:
+    result = fit(watched(40), WORLD, starts=1, search=False, observe=["gaze", "face", "pupil"], bounds=SHORT)
+    assert result.monotone
+    seen = result.model.observation.channels
+    gaze, face, pupil = seen["gaze"], seen["face"], seen["pupil"]
+    assert isinstance(gaze, TargetChannel)
+    assert isinstance(face, PlainChannel)
+    assert isinstance(pupil, NormalChannel)
+    for state in ("waiting", "that_mov", "that_wrt", "that_dist"):
+        np.testing.assert_allclose([gaze.table[state][role] for role in ROLES], LOOK[state], atol=0.15)
+        assert face.table[state]["smile"] == pytest.approx(FACE.table[state]["smile"], abs=0.15)
+        assert pupil.mean[state] == pytest.approx(PUPIL.mean[state], abs=0.15)
+        assert pupil.sd[state] == pytest.approx(0.5, abs=0.1)
+    assert result.num_free == 10 + 5 * 3 + 5 + 10
+
+
+def test_signals_say_which_press_had_which_reason() -> None:
+    trials = watched(30)
+    keys = fit(trials, WORLD, starts=1, search=False, bounds=SHORT)
+    looks = fit(trials, WORLD, starts=1, search=False, observe=["gaze", "pupil"], bounds=SHORT)
+    known = [[list(STATES).index(state) for state in trial.reasons.values()] for trial in trials]
+
+    def right(result: Any) -> float:
+        each = [r[np.arange(len(k)), k] for r, k in zip(result.responsibilities, known, strict=True)]
+        return float(np.concatenate(each).mean())
+
+    assert right(looks) > right(keys) + 0.05
+
+
+def test_a_key_that_misses_is_found_out_where_signals_show_the_mental_state() -> None:
+    trials = [replace(trial, steps=trial.steps[:60]) for trial in watched(40, miss=0.3)]
+    result = fit(
+        trials, WORLD, starts=1, search=False, observe=["miss", "pupil"], bounds=SHORT, dropped_mass=1e-6
+    )
+    assert result.monotone
+    assert result.model.observation.miss == pytest.approx(0.3, abs=0.1)
+
+
+def _unknown() -> list[Trial]:
+    return [replace(trial, steps=trial.steps[:30], task=None) for trial in watched(4)]
+
+
+def _objective(observe: tuple[str, ...]) -> Objective:
+    trials = _unknown()
+    settings = Settings(observe=observe, bounds=SHORT)
+    return prepare(trials, WORLD, TeacherModel.intuitive(), settings)
+
+
+def test_where_the_observation_model_stands_is_what_the_likelihood_uses() -> None:
+    objective = _objective(("gaze", "pupil", "miss"))
+    observing = objective.observing
+    assert observing is not None
+    point = objective.space.point(objective.space.base)
+    observing.learn(objective.expect(point))
+    model = replace(TeacherModel.intuitive(), observation=observing.observation)
+    trials = _unknown()
+    value = objective.value(point) - objective.log_prior(objective.space.base)
+    assert value == pytest.approx(log_likelihood(trials, WORLD, model), rel=1e-10)
+
+
+def test_no_step_of_em_lowers_the_objective() -> None:
+    objective = _objective(("gaze", "face", "pupil", "miss", "false_press"))
+    observing = objective.observing
+    assert observing is not None
+    point = objective.space.point(objective.space.base)
+    values = []
+    for _ in range(8):
+        expectation = objective.expect(point)
+        values.append(expectation.value + objective.log_prior(objective.space.vector(point)))
+        observing.learn(expectation)
+    assert (np.diff(values) > -1e-9).all()
+    assert values[-1] > values[0] + 1
+
+
+def test_responsibilities_of_all_steps_sum_to_their_number() -> None:
+    objective = _objective(("gaze", "miss"))
+    assert objective.observing is not None
+    expectation = objective.expect(objective.space.point(objective.space.base))
+    assert objective.observing.responsibilities(expectation).sum() == pytest.approx(
+        sum(t.num_steps for t in _unknown())
+    )
+
+
+def test_categories_and_moments_are_weighted() -> None:
+    table = categorical(["a", "b"], ["a", "b", "b"], np.array([3.0, 1.0, 1.0]))
+    assert table == pytest.approx({"a": 3.5 / 6, "b": 2.5 / 6})
+    found = normal(np.array([1.0, 3.0, 9.0]), np.array([50.0, 50.0, 0.0]), 1.0)
+    assert found == pytest.approx((2.0, 1.0))
+    assert normal(np.array([1.0]), np.array([0.0]), 1.0) is None
+
+
+def test_a_signal_that_nobody_recorded_is_one_error() -> None:
+    with pytest.raises(FitError, match="observe: no trial has a signal 'smell'"):
+        fit(operator_trials(2, TRUTH), WORLD, observe=["smell"])
+    with pytest.raises(FitError, match="observe: must be a list of names"):
+        fit(operator_trials(2, TRUTH), WORLD, observe="gaze")
