@@ -1,0 +1,254 @@
+"""Profile likelihood: how far one parameter can go while the others make up for it as well as they can.
+
+Holds where the log-likelihood has kinks, bounds and ridges, on which its curvature says nothing.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import logsumexp
+
+from learn.ascent import Climb, ascend, climb_from
+from learn.mstep import Objective
+from learn.optimum import breakpoints
+from taskcomm.lattice import Floats
+
+STEPS, GAIN = 40, 2e-4  # of each climb, in nats
+CLOSE = 0.01  # of the drop to the one asked for, in nats
+BEYOND = 2.0  # nats below it at which no separate piece is looked for any more
+MOST_POINTS = 60
+LOOKS, ASIDE, AGAIN = 4, (0.1, 0.5, 1.0, 0.5, 1.0), 0.03
+LIMITS_AT_REST = ("delay", "hold")  # whose least value, 0, ends them; others are open there
+SLOPE = 0.05
+
+
+class Slice:
+    """The objective with one parameter held, as a function of the `rest` of the coordinates.
+
+    Held is, at `value`, coordinate `held` itself where it is a time; where it is the odds of mistake or a
+    peak p, the log odds of p against all else, log(p / (1 - p)), or with `over` (the coordinate of a rise
+    or a fall) log(p / rise). So an interval for p is one for p, not for its odds against waiting.
+    """
+
+    def __init__(self, objective: Objective, held: int, over: int | None = None) -> None:
+        space = objective.space
+        self.objective, self.held, self.over = objective, held, over
+        self.keep = np.delete(np.arange(len(space.index)), held)
+        self.least, self.most = space.least[self.keep], space.most[self.keep]
+        self._odds = self.keep[self.keep < len(space.odds)] if held < len(space.odds) else None
+
+    def value(self, point: Floats) -> float:
+        """What is held, at a point."""
+        space = self.objective.space
+        if self._odds is None:
+            return float(point[self.held])
+        p = float(space.vector(point)[space.index[self.held]])
+        if self.over is None:
+            return _log_odds(p, space.room)
+        return math.log(p) - float(point[self.over])
+
+    def point(self, value: float, rest: Floats) -> Floats:
+        """All coordinates; not a number where none has this value."""
+        point = np.empty(len(rest) + 1)
+        point[self.keep], point[self.held] = rest, value
+        if self._odds is not None:
+            if self.over is not None:
+                value = _log_odds(math.exp(value + point[self.over]), self.objective.space.room)
+            point[self.held] = value + _log_all_else(point[self._odds])
+        return point
+
+    def natural(self, point: Floats) -> float:
+        """The parameter, or the ratio, at a point."""
+        space = self.objective.space
+        own = float(space.vector(point)[space.index[self.held]])
+        return own if self.over is None else own / float(space.vector(point)[space.index[self.over]])
+
+    def at(self, value: float) -> Callable[[Floats], tuple[float, Floats]]:
+        """The objective and its rates in the rest."""
+
+        def function(rest: Floats) -> tuple[float, Floats]:
+            point = self.point(value, rest)
+            if not np.isfinite(point).all():
+                return -math.inf, np.zeros_like(rest)
+            there, rates = self.objective.value_and_rates(point)
+            return there, rates[self.keep] + rates[self.held] * self.slopes(point)
+
+        return function
+
+    def slopes(self, point: Floats) -> Floats:
+        """How the held coordinate must move with each of the rest."""
+        slopes = np.zeros(len(point))
+        if self._odds is not None:
+            slopes[self._odds] = np.exp(point[self._odds] - _log_all_else(point[self._odds]))
+            if self.over is not None:
+                slopes[self.over] = self.stretch(point)
+        return slopes[self.keep]
+
+    def stretch(self, point: Floats) -> float:
+        """How the held coordinate moves with the value."""
+        if self._odds is None or self.over is None:
+            return 1.0
+        space = self.objective.space
+        return float(1.0 / (1.0 - space.vector(point)[space.index[self.held]] / space.room))
+
+    def bend(self, point: Floats, bend: Floats) -> Floats:
+        """The information in (rest, value) from that in the coordinates, at an optimum."""
+        change = np.zeros_like(bend)
+        change[self.keep, np.arange(len(self.keep))] = 1.0
+        change[self.held] = np.append(self.slopes(point), self.stretch(point))
+        return np.asarray(change.T @ bend @ change)
+
+
+def _log_odds(p: float, room: float) -> float:
+    p /= room
+    return math.log(p) - math.log1p(-p) if 0 < p < 1 else math.nan
+
+
+def _log_all_else(odds: Floats) -> float:
+    return float(logsumexp(np.append(odds, 0.0)))
+
+
+@dataclass
+class End:
+    """One end of an interval: the `value` held there, the `point`, and whether the end is open: the
+    log-likelihood has not dropped enough where a bound was met."""
+
+    value: float
+    point: Floats
+    open: bool
+
+
+class Visit(NamedTuple):
+    """A value, how far down the log-likelihood is there (nats), and where the rest of the coordinates are."""
+
+    value: float
+    drop: float
+    rest: Floats
+
+
+@dataclass
+class Profile:
+    """The log-likelihood over one parameter, the rest at their best: walked outward from an optimum.
+
+    `values` and `drops` are what was visited; `above` is how much higher than the optimum some point was.
+    """
+
+    slice: Slice
+    centre: Floats
+    top: float
+    bend: Floats
+    values: list[float] = field(default_factory=list)
+    drops: list[float] = field(default_factory=list)
+    above: float = 0.0
+
+    def __post_init__(self) -> None:
+        inner = self.slice.bend(self.centre, self.bend)
+        sizes, axes = np.linalg.eigh(inner[:-1, :-1])
+        self._metric = np.asarray((axes / np.maximum(sizes, 1.0)) @ axes.T)
+        self._tangent = -self._metric @ inner[:-1, -1]
+        left = float(inner[-1, -1] + inner[:-1, -1] @ self._tangent)
+        self._step = 0.5 / math.sqrt(left) if left > 1.0 else 0.5
+        self._start = self.slice.value(self.centre)
+
+    def _best(self, value: float, rest: Floats) -> Visit:
+        """The place with `value` held and the rest at their best, climbing from `rest`."""
+        inside = self.slice
+        function = inside.at(value)
+        climb: Climb = climb_from(function, np.clip(rest, inside.least, inside.most))
+        climb.metric = self._metric
+        if math.isfinite(climb.value):
+            climb = ascend(function, climb, inside.least, inside.most, STEPS, GAIN)
+        drop = self.top - climb.value
+        self.above = max(self.above, -drop)
+        self.values.append(value)
+        self.drops.append(drop)
+        return Visit(value, drop, climb.point)
+
+    def end(self, direction: int, drop: float) -> End:
+        """Where the log-likelihood is last `drop` nats below the optimum, going up (1) or down (-1).
+
+        The walk goes on until it is BEYOND further down, in case it rises again; and from the end found,
+        if climbs from a little aside find it higher there.
+        """
+        space, held = self.slice.objective.space, self.slice.held
+        limit = float((space.least if direction < 0 else space.most)[held])
+        here = Visit(self._start, 0.0, self.centre[self.slice.keep])
+        for _ in range(LOOKS):
+            inside, outside = self._walk(here, direction, drop, limit)
+            if outside is None:
+                return self._open(inside, direction)
+            at = self._crossing(inside, outside, drop)
+            here = self._looked_again(at)
+            if here.drop > at.drop - AGAIN:
+                break
+        opens = direction > 0 and self._needs_longer_rise(at)
+        return End(at.value, self.slice.point(at.value, at.rest), opens)
+
+    def _walk(self, here: Visit, direction: int, drop: float, limit: float) -> tuple[Visit, Visit | None]:
+        """The last place visited that is less than `drop` down, and the one after it, if any."""
+        held, space = self.slice.held, self.slice.objective.space
+        stops = breakpoints(space, held) if held >= len(space.odds) else np.zeros(0)
+        slope, step = self._tangent, self._step
+        inside, outside = here, None
+        for _ in range(MOST_POINTS):
+            if (limit - here.value) * direction <= 1e-9 or here.drop > drop + BEYOND:
+                break
+            there = _snapped(here.value + direction * step, stops, 0.35 * step)
+            there = min(there, limit) if direction > 0 else max(there, limit)
+            after = self._best(there, here.rest + slope * (there - here.value))
+            slope = (after.rest - here.rest) / (there - here.value)
+            change, here = after.drop - here.drop, after
+            if here.drop < drop:
+                inside, outside = here, None
+            elif outside is None:
+                outside = here
+            step *= 1.6 if change < 0.3 else (0.6 if change > 1.0 else 1.0)
+        return inside, outside
+
+    def _looked_again(self, at: Visit) -> Visit:
+        """The same place, the rest climbed to from several points aside, if that is better."""
+        rng, best = np.random.default_rng(len(self.values)), at
+        for aside in ASIDE:
+            start = at.rest + rng.normal(0, aside, len(at.rest))
+            best = min(best, self._best(at.value, start), key=lambda visit: visit.drop)
+        return best
+
+    def _open(self, inside: Visit, direction: int) -> End:
+        kind = self.slice.objective.space.kinds[self.slice.held]
+        at_rest = direction < 0 and (kind in LIMITS_AT_REST or kind == "odds")
+        return End(inside.value, self.slice.point(inside.value, inside.rest), not at_rest)
+
+    def _crossing(self, inside: Visit, outside: Visit, drop: float) -> Visit:
+        """Where the drop is the one asked for: its root is nearly a line in the value."""
+        aim = math.sqrt(drop)
+        for _ in range(8):
+            a, b = math.sqrt(max(inside.drop, 0.0)), math.sqrt(outside.drop)
+            share = float(np.clip((aim - a) / (b - a), 0.05, 0.95))
+            value = inside.value + share * (outside.value - inside.value)
+            found = self._best(value, inside.rest + share * (outside.rest - inside.rest))
+            if abs(found.drop - drop) < CLOSE:
+                return found
+            inside, outside = (found, outside) if found.drop < drop else (inside, found)
+        return outside
+
+    def _needs_longer_rise(self, at: Visit) -> bool:
+        """Whether a peak could be greater still if its rise were not at its longest."""
+        inside, space = self.slice, self.slice.objective.space
+        state = int(space.index[inside.held]) - 1
+        if inside.held >= len(space.odds) or state < 0 or inside.over is not None:
+            return False
+        rise = np.flatnonzero(space.index[inside.keep] == 1 + space.states + state)
+        if not (at.rest[rise] >= inside.most[rise] - 1e-9).any():
+            return False
+        return bool((inside.at(at.value)(at.rest)[1][rise] > SLOPE).any())
+
+
+def _snapped(value: float, stops: Floats, reach: float) -> float:
+    """The nearest of the places where levels meet the lattice, if within reach."""
+    if not len(stops):
+        return value
+    nearest = float(stops[np.abs(stops - value).argmin()])
+    return nearest if abs(nearest - value) <= reach else value

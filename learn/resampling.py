@@ -1,0 +1,78 @@
+"""The bootstrap: fits to teachers drawn again, with replacement, from those there are."""
+
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from learn.mstep import Objective
+from learn.optimum import polish
+from taskcomm.lattice import Floats, Ints
+from taskcomm.parallel import map_in_order
+from taskcomm.trials import Trial
+
+ROUNDS = 4
+ASIDE = 0.3
+
+
+def groups_of(trials: Sequence[Trial]) -> tuple[Hashable, ...]:
+    """Whose each trial is: its participant's, or nobody else's where none is named."""
+    return tuple(
+        (number,) if trial.participant_id is None else trial.participant_id
+        for number, trial in enumerate(trials)
+    )
+
+
+def members_of(groups: Sequence[Hashable]) -> Ints:
+    """The groups as numbers from 0 in the order in which they come, trial by trial."""
+    order = {name: number for number, name in enumerate(dict.fromkeys(groups))}
+    return np.array([order[name] for name in groups], dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class Resample:
+    """One fit to teachers drawn again: weights that count each teacher's trials as often as drawn.
+
+    The climb begins at the fit to all, and again a little aside of it.
+    """
+
+    objective: Objective
+    centre: Floats
+    member: Ints
+    seed: int
+
+    def __call__(self, number: int) -> Floats:
+        """The natural parameters of resample `number`, always the same for a seed: shape (1 + 6 M,)."""
+        rng = np.random.default_rng([self.seed, number])
+        teachers = int(self.member.max()) + 1
+        drawn = rng.multinomial(teachers, np.full(teachers, 1 / teachers))[self.member]
+        given, space = self.objective.evidence.weights, self.objective.space
+        weights = drawn if given is None else drawn * given
+        objective = Objective(
+            self.objective.evidence.with_weights(weights), self.objective.base, space, self.objective.prior
+        )
+        aside = np.clip(self.centre + rng.normal(0, ASIDE, len(self.centre)), space.least, space.most)
+        ends = [polish(objective, start, rng, ROUNDS)[0] for start in (self.centre, aside)]
+        return space.vector(max(ends, key=objective.value))
+
+
+def resampled(
+    objective: Objective,
+    centre: Floats,
+    groups: Sequence[Hashable],
+    resamples: int,
+    seed: int,
+    jobs: int,
+    progress: Callable[[int], None] | None = None,
+) -> Floats:
+    """The fits to `resamples` draws of teachers, shape (resamples, 1 + 6 M).
+
+    Raises ValueError for fewer than 2 resamples or teachers.
+    """
+    member = members_of(groups)
+    if resamples < 2:
+        raise ValueError(f"resamples: must be at least 2, not {resamples}")
+    if member.max() < 1:
+        raise ValueError("bootstrap: needs at least two teachers; these trials are all of one")
+    work = Resample(objective, centre, member, seed)
+    return np.array(map_in_order(work, range(resamples), jobs, progress))
