@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 _HOME = {
     "Bounds": "learn.coordinates",
+    "Certificate": "learn.certificate",
     "ClosedLoop": "learn.closed_loop",
     "Comparison": "learn.compare",
     "FitError": "learn.exposure",
@@ -26,6 +27,7 @@ _HOME = {
 __all__ = [*sorted(_HOME)]
 
 if TYPE_CHECKING:
+    from learn.certificate import Certificate as Certificate
     from learn.closed_loop import ClosedLoop as ClosedLoop
     from learn.closed_loop import run_closed_loop as run_closed_loop
     from learn.compare import Comparison as Comparison

@@ -1,11 +1,14 @@
 """From the end of a climb to a FitResult: the point settled, tested, counted and marked."""
 
+import math
 import platform
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from learn.basins import endings, labels_of
+from learn.certificate import Certificate, degeneracies, kind_of, remarked, steepest_along
 from learn.coordinates import model_at, names_of, parameters_at
 from learn.mstep import Objective
 from learn.optimum import TOLERANCE, one_sided_slopes
@@ -31,13 +34,35 @@ def conclude(
     responsibilities = _responsibilities(objective, vector)
     marks = marks_of(space, point, slopes, seen, ridges(objective, point), states)
     value = expectation.value + objective.log_prior(vector)
-    status = "converged"
-    if not path.converged:
-        status = f"not converged: EM still rising after {path.iterations} iterations"
-    elif slopes.steepest > TOLERANCE:
-        status = f"not converged: a slope of {slopes.steepest:.3g} nats is left, above {TOLERANCE:g}"
     em_alone = max(path.em_alone for path in paths)
     names = names_of(states)
+    labels = labels_of(space, names)
+    monotone = all(_never_falls(path.values) for path in paths)
+    kind, reasons = kind_of(
+        degeneracies(objective, point, marks, names, labels),
+        path.iterations,
+        path.converged,
+        slopes.steepest,
+        monotone,
+        "at its bound" in marks.values(),
+    )
+    ended = endings(objective, [p.name for p in paths], [_end(p) for p in paths], point, labels)
+    certificate = Certificate(
+        kind=kind,
+        reasons=reasons,
+        log_likelihood=expectation.value,
+        objective=value,
+        iterations=path.iterations,
+        endings=ended,
+        basins=1 + max(ending.basin for ending in ended),
+        em_alone=em_alone,
+        search_gain=value - em_alone,
+        monotone=monotone,
+        steepest=slopes.steepest if math.isfinite(slopes.steepest) else None,
+        steepest_along=steepest_along(slopes, labels),
+        tolerance=TOLERANCE,
+        **remarked(marks),
+    )
     model = model_at(vector, initial)
     if objective.observing is not None:
         model = replace(model, observation=objective.observing.observation)
@@ -52,16 +77,17 @@ def conclude(
         "trials": len(exposure.hashes),
         "trial_sha256": sorted(exposure.hashes),
         "log_likelihood": expectation.value,
-        "converged": status == "converged",
-        "status": status,
+        "converged": certificate.trusted,
+        "status": certificate.status,
+        "certificate": certificate.to_dict(),
     }
     return FitResult(
         model=replace(model, provenance=provenance),
         initial=initial,
         log_likelihood=expectation.value,
         objective=value,
-        converged=status == "converged",
-        status=status,
+        converged=certificate.trusted,
+        status=certificate.status,
         iterations=path.iterations,
         paths=tuple(np.array(path.values) for path in paths),
         starts=tuple(
@@ -71,7 +97,7 @@ def conclude(
         em_alone=em_alone,
         search_gain=value - em_alone,
         steepest=slopes.steepest,
-        monotone=all(_never_falls(path.values) for path in paths),
+        monotone=monotone,
         trial_ids=exposure.trial_ids,
         trial_hashes=exposure.hashes,
         log_likelihoods=expectation.log_likelihood,
@@ -83,7 +109,12 @@ def conclude(
         free=space.free.copy(),
         num_free=len(space.index) + (0 if objective.observing is None else objective.observing.num_free),
         settings=settings,
+        certificate=certificate,
     )
+
+
+def _end(path: Path) -> Floats:
+    return path.point if path.ended is None else path.ended
 
 
 def _never_falls(values: Sequence[float]) -> bool:

@@ -92,7 +92,7 @@ def fit(
         if settings.search:
             nudged = np.clip(path.point + rng.normal(0, 0.01, len(path.point)), space.least, space.most)
             path.move(objective, climb_smoothly(objective, nudged, gain=COARSE)[0])
-        path.searched = path.values[-1]
+        path.searched, path.ended = path.values[-1], path.point
         tell(number + 1, total)
     ends = np.array([path.values[-1] for path in paths])
     best = int(np.flatnonzero(ends >= ends.max() - 10 * COARSE)[0])

@@ -14,13 +14,17 @@ from taskcomm.teacher import TeacherModel
 
 @dataclass
 class Path:
-    """The objective along one start: EM, search, EM again. It never falls."""
+    """The objective along one start: EM, search, EM again. It never falls.
+
+    `ended` is where its own climb ended, before the search of the best of the starts.
+    """
 
     name: str
     point: Floats
     values: list[float] = field(default_factory=list)
     iterations: int = 0
     converged: bool = False
+    ended: Floats | None = None
     em_alone: float = 0.0
     searched: float = 0.0
     observation: ObservationModel | None = None

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import NamedTuple
 
+from learn.certificate import Certificate
 from learn.coordinates import NAMES, names_of, vector_of
 from learn.settings import Settings
 from taskcomm.lattice import Bools, Floats
@@ -40,10 +41,11 @@ class Row(NamedTuple):
 class FitResult:
     """A fitted teacher model.
 
-    `model` carries its provenance. `log_likelihood` is that of the presses, in nats, without the prior
-    on mistake; `objective` is with it, up to a constant. `converged` is True only if EM converged
-    within its iterations and no one-sided slope at the end is above the tolerance; `status` says so in
-    words. `paths` holds the objective of every iteration of every start, the search included, and
+    `model` carries its provenance. `certificate` says whether the fit may be trusted; `converged` and
+    `status` are its answer and that in words: True only if EM converged within its iterations, no
+    one-sided slope at the end is above the tolerance, and the maximum is not degenerate.
+    `log_likelihood` is that of the presses, in nats, without the priors; `objective` is with them, up to a
+    constant. `paths` holds the objective of every iteration of every start, the search included, and
     `monotone` says that it never fell. `starts` is the table of starts, `em_alone` the best that EM
     reached without the search, `search_gain` what the search added. `steepest` is the greatest
     one-sided slope at the end, in nats per unit of log parameter (per second of delay).
@@ -81,6 +83,7 @@ class FitResult:
     free: Bools
     num_free: int
     settings: Settings
+    certificate: Certificate
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
 """What informed each parameter, and what the data leave open: ridges, kinks, bounds, no data."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -14,6 +15,12 @@ from taskcomm.lattice import Floats
 BELOW_FULL = 1 - 1e-9
 LONGER = 1e-6
 STRETCH = 1.05
+NEARLY = 100  # times its least odds: a probability below has vanished
+
+
+def vanished(log_odds: float) -> bool:
+    """Whether a probability, by its odds against waiting, has gone as near to 0 as it can, or nearly."""
+    return log_odds < math.log(LEAST_ODDS * NEARLY)
 
 
 class Informed(NamedTuple):
@@ -29,10 +36,11 @@ def informed(objective: Objective, vector: Floats, expectation: Expectation) -> 
     """What informed each parameter at `vector`; leaves the chain's levels at `vector`.
 
     A rise or fall of one step is as short as it can be and has no slope of its own; it is informed by the
-    steps that a slightly longer one would change.
+    steps that a slightly longer one would change. Nothing informs the times of a peak that has vanished.
     """
     from learn import _slopes
 
+    vanishing = LEAST_ODDS * NEARLY
     chain, states = objective.evidence.chain, states_of(vector)
 
     def counted(at: Floats) -> Informed:
@@ -44,6 +52,9 @@ def informed(objective: Objective, vector: Floats, expectation: Expectation) -> 
             reached,
         )  # fmt: skip
         reached[np.isfinite(parameters.decay) & (reached > 0)] = 1.0  # a plateau that decays hides it
+        gone = at[1 : 1 + states] < vanishing * (1 - at[: 1 + states].sum())
+        for counts in (steps, presses):
+            counts[1:6, gone] = 0.0  # without a peak no time changes anything
         flat = [np.concatenate([counts[6, :1], counts[:6].ravel()]) for counts in (steps, presses)]
         return Informed(flat[0], flat[1], reached)
 
@@ -57,7 +68,7 @@ def informed(objective: Objective, vector: Floats, expectation: Expectation) -> 
 def settle(objective: Objective, point: Floats) -> Floats:
     """A point of equal objective that claims less: what the data do not move goes back.
 
-    A rise, fall or delay that no step bears on returns to the initial model's. On a ridge (a level
+    A time that no step bears on returns to the initial model's. On a ridge (a level
     that never reached 1) peak, rise and fall shrink together until the highest level reached is 1:
     the peak is then the greatest probability that was shown, and none is claimed beyond it.
     """
@@ -65,22 +76,25 @@ def settle(objective: Objective, point: Floats) -> Floats:
     vector, value = space.vector(point), objective.value(point)
     seen = informed(objective, vector, objective.expect(point))
     states = len(seen.reached)
+    gone = vector[1 : 1 + states] < LEAST_ODDS * NEARLY * (1 - vector[: 1 + states].sum())
 
-    def kept(rows: list[int], values: Floats) -> Floats:
+    def kept(rows: list[int], values: Floats, loss: float = 1e-9) -> Floats:
         changed = vector.copy()
         changed[rows] = values
-        return changed if objective.value(space.point(changed)) >= value - 1e-9 else vector
+        return changed if objective.value(space.point(changed)) >= value - loss else vector
 
-    for i in range(1 + states, len(vector)):
-        if space.free[i] and seen.steps[i] == 0:
-            vector = kept([i], space.base[i : i + 1])
+    allowed = 1e-9 + 2 * float(vector[1 : 1 + states] @ (seen.steps[1 : 1 + states] * gone))
+    for members in space.members:
+        rows = members.tolist()
+        if rows[0] > states and not seen.steps[rows].any():
+            vector = kept(rows, space.base[rows], allowed)
     for m in range(states):
         rows = [1 + m, 1 + states + m, 1 + 2 * states + m]
-        if 0 < seen.reached[m] < BELOW_FULL and space.free[rows].all():
+        if 0 < seen.reached[m] < BELOW_FULL and space.free[rows].all() and not gone[m]:
             shrink = max(seen.reached[m], space.dt / vector[rows[1]], space.dt / vector[rows[2]])
-            vector = kept(rows, vector[rows] * min(1.0, shrink))
+            vector = kept(rows, vector[rows] * min(1.0, shrink), allowed)
     settled = space.point(vector)
-    return settled if objective.value(settled) >= value - 1e-9 else point
+    return settled if objective.value(settled) >= value - allowed else point
 
 
 def ridges(objective: Objective, point: Floats) -> list[bool]:
@@ -115,16 +129,13 @@ def marks_of(
         if not space.free[i]:
             no_cue = name.split(".")[-1] in NAMES[:3]
             marks[name] = "no data" if no_cue else "fixed"
-    for coordinate, i in enumerate(space.index.tolist()):
+    for coordinate, members in enumerate(space.members):
         at_bound = not space.least[coordinate] < point[coordinate] < space.most[coordinate]
         kink = min(-slopes.up[coordinate], -slopes.down[coordinate]) > TOLERANCE
-        vanishing = i < 1 + len(states) and point[coordinate] < np.log(LEAST_ODDS * 100)
-        if seen.steps[i] == 0:
-            marks[names[i]] = "no data"
-        elif at_bound or vanishing:
-            marks[names[i]] = "at its bound"
-        elif kink:
-            marks[names[i]] = "at a kink"
+        gone = space.kinds[coordinate] == "odds" and vanished(point[coordinate])
+        mark = "at its bound" if at_bound or gone else "at a kink" if kink else ""
+        for i in members.tolist():
+            marks[names[i]] = mark if seen.steps[members].any() else "no data"
     for m, state in enumerate(states):
         if ridge[m] and marks[f"{state}.peak"] == "":
             for name in NAMES[:3]:
@@ -140,6 +151,11 @@ def remarks_of(marks: Mapping[str, str], states: Sequence[str]) -> tuple[str, ..
         "no data": "has no data: no step bears on it, and it stays where it was",
     }
     remarks = [f"{name} {sentences[mark]}." for name, mark in marks.items() if mark in sentences]
+    remarks += [
+        f"{state}: its peak has vanished: no press is laid to its cue, and nothing is known of its times."
+        for state in states
+        if marks[f"{state}.peak"] == "at its bound" and marks[f"{state}.rise"] == "no data"
+    ]
     remarks += [
         f"{state}: its level is never held at 1, so only peak/rise and peak/fall are known; peak, rise and"
         " fall may grow together, and the smallest that fit are given."
