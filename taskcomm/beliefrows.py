@@ -53,6 +53,15 @@ def merged(rows: Rows, parameters: Parameters) -> Rows:
     task, weight, level, on_time = rows
     if len(task) < 2 or (task[1:] > task[:-1]).all():
         return rows
+    order, starts = alike(task, level, on_time, parameters)
+    kept = order[starts]
+    return Rows(task[kept], np.add.reduceat(weight[order], starts), level[kept], on_time[kept])
+
+
+def alike(
+    task: NDArray[np.int64], level: Floats, on_time: Floats, parameters: Parameters
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """An order of the rows, by task, in which equal task and memory stand together, and where each begins."""
     memory = level
     if parameters.decays:
         memory = np.concatenate([level, on_time * np.isfinite(parameters.decay)], axis=1)
@@ -60,9 +69,7 @@ def merged(rows: Rows, parameters: Parameters) -> Rows:
     task, memory = task[order], memory[order]
     first = np.ones(len(task), dtype=np.bool_)
     first[1:] = (task[1:] != task[:-1]) | (memory[1:] != memory[:-1]).any(axis=1)
-    starts = np.flatnonzero(first)
-    kept = order[starts]
-    return Rows(task[starts], np.add.reduceat(weight[order], starts), level[kept], on_time[kept])
+    return order, np.flatnonzero(first)
 
 
 def pruned(rows: Rows, share: float) -> tuple[Rows, Rows]:

@@ -3,6 +3,7 @@
 import gc
 import math
 import time
+import warnings
 from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
 from copy import copy
@@ -13,6 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from taskcomm.belief import Belief
+from taskcomm.branching import HORIZON, BranchingTree
+from taskcomm.branching import Looked as Branched
 from taskcomm.certificate import Certificate, Floats, Looked, certificate, enclosed, most_told
 from taskcomm.explain import Explanation, explanation
 from taskcomm.searching import Search
@@ -61,24 +64,35 @@ class Decision:
         """Why this action: the contingent plan, followed for `depth` steps (None: to the horizon).
 
         It plans anew at the up to 2^depth points that the steps may lead to. `print` it, or see
-        `Explanation`. Raises ValueError for a bad depth, or a decision that no planner made.
+        `Explanation`. Raises ValueError for a bad depth, a decision that no
+        planner made, or a model under which more than an exact key is observed.
         """
         if self.asked is None:
             raise ValueError(f"this decision for {self.action} was made by no planner: it has no plan")
         planner, belief, state = self.asked
+        if not planner.model.observation.is_exact_key:
+            raise ValueError(
+                "explanations are of plans over an exact key; this model's teacher shows otherwise"
+            )
         return explanation(self, belief, state, planner._best, planner.gamma, depth)
 
 
+class UnplannedChannel(UserWarning):
+    """A model has a continuous channel: belief and learning use it, the planner looks ahead without it."""
+
+
 class EntropyPlanner:
-    """Exact closed-loop look-ahead over `horizon` steps.
+    """Exact closed-loop look-ahead over `horizon` steps (None: 5; 3 where a key errs or signals are seen).
 
         Q_h(b, w, a) = sum_o P(o | b, a) (C(b_ao) + gamma min_a' Q_{h-1}(b_ao, w_a, a')),  Q_0 = 0
 
     with C the entropy of the marginal over tasks. `ties` is "first" (in canonical order) or
     "random" (drawn with `seed`). A planner keeps only what it has seen of the world, the nearest of it where
     that is more than `memory` bytes; it may be used for any number of beliefs and trials, from one thread at
-    a time. Raises ValueError for a bad horizon, gamma, ties or memory, and ModelError for a cue that the
-    world does not have.
+    a time. Where the model's key errs or it has channels of signals, the tree branches over all that may be
+    observed (`taskcomm.branching`), which takes much longer; a continuous channel is left aside, with an
+    UnplannedChannel warning. Raises ValueError for a bad horizon, gamma, ties or memory, and ModelError for a
+    cue or a role that the world does not have.
 
     >>> from taskcomm.world import BallWorld
     >>> world, model = BallWorld(), TeacherModel.intuitive()
@@ -93,13 +107,16 @@ class EntropyPlanner:
         self,
         world: World,
         model: TeacherModel,
-        horizon: int = 5,
+        horizon: int | None = None,
         *,
         gamma: float = 1.0,
         ties: str = "first",
         seed: int | None = None,
         memory: int = GRAPH_MEMORY,
     ) -> None:
+        seen = model.observation
+        branches = bool(seen.discrete or seen.miss or seen.false_press)
+        horizon = (HORIZON if branches else 5) if horizon is None else horizon
         if isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 1:
             raise ValueError(f"horizon must be a whole number of steps from 1, not {horizon!r}")
         if not (_is_number(gamma) and 0 < gamma <= 1):
@@ -109,6 +126,10 @@ class EntropyPlanner:
         self.world, self.model, self.horizon = world, model, horizon
         self.gamma, self.ties = float(gamma), ties
         self._random = np.random.default_rng(seed)
+        if seen.continuous:
+            named = ", ".join(seen.continuous)
+            warnings.warn(UnplannedChannel(f"planning leaves aside {named}: continuous"), stacklevel=2)
+        self._tree = BranchingTree(world, model) if branches else None
         parameters = model.parameters(world.cue_names)
         worth = parameters.peak * parameters.dt / parameters.rise
         self._graph = WorldGraph(world, parameters.cue, worth, horizon, memory)
@@ -124,7 +145,8 @@ class EntropyPlanner:
 
         From the cache it takes a moment; on a new machine it compiles for some seconds, and says so.
         """
-        quick = EntropyPlanner(self.world, self.model, horizon=1)
+        quick = copy(self)
+        quick.horizon, quick.ties = 1, "first"
         quick.plan(Belief.initial(self.world, self.model), self.world.start())
 
     def plan(
@@ -160,7 +182,7 @@ class EntropyPlanner:
             return self._decision(done, looked, belief, state, started)
 
     def _decision(
-        self, search: Search, looked: list[Looked], belief: Belief, state: Hashable, started: float
+        self, search: Search | Branched, looked: list[Looked], belief: Belief, state: Hashable, started: float
     ) -> Decision:
         """The decision of the last search that ended, certified by all that began."""
         actions = tuple(self.world.actions(state))
@@ -188,8 +210,11 @@ class EntropyPlanner:
         """Lower and upper bounds on Q at the planner's horizon."""
         if ended:
             return looked[-1].lower, looked[-1].upper
-        parameters = belief.parameters
-        told = most_told(parameters.mistake, parameters.peak, float(belief.marginal().max()))
+        if self._tree is not None:
+            told = self._tree.capacity
+        else:
+            parameters = belief.parameters
+            told = most_told(parameters.mistake, parameters.peak, float(belief.marginal().max()))
         return enclosed(looked, np.full(self.horizon, told), self.gamma)
 
     def _best(self, belief: Belief, state: Hashable, horizon: int) -> Decision:
@@ -200,8 +225,11 @@ class EntropyPlanner:
 
     def _searched(
         self, belief: Belief, state: Hashable, horizon: int, slack: float, until: float
-    ) -> tuple[Search | None, bool]:
+    ) -> tuple[Search | Branched | None, bool]:
         """The search and whether it ended; none where `until` came before it began."""
+        if self._tree is not None:
+            branched = self._tree.search(belief, state, horizon, self.gamma, until)
+            return branched, branched is not None
         root = self._graph.grow(state, horizon, until)
         if root is None or time.perf_counter() >= until:
             return None, False
@@ -240,7 +268,7 @@ def _undisturbed() -> Iterator[None]:
                 gc.unfreeze()
 
 
-def _looked(search: Search) -> Looked:
+def _looked(search: Search | Branched) -> Looked:
     """What a search that began says, without its arrays."""
     told = search.told if search.horizon > 2 else np.full(search.horizon, np.inf)  # it needs none before
     upper = np.where(search.exact, search.bound, search.at_most)

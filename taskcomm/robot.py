@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from taskcomm.belief import Belief
+from taskcomm.branching import HORIZON
 from taskcomm.observation import Signals
 from taskcomm.routes import route
 from taskcomm.teacher import TeacherModel
 from taskcomm.world import World, is_goal
 
 FAR = 10  # steps that a robot with a deadline looks ahead if time allows
-NEAR = 2  # steps that a robot looks ahead that has more to observe than an exact key
 PRUNE = 1e-9  # weight that its belief may leave out in a step
 
 
@@ -68,7 +68,7 @@ class Robot:
 
     With a `deadline` (s for one decision) the planner looks as far ahead as it gets by then, at most its
     own horizon, which is 10 unless a planner is given. Where more than an exact key is observed, a robot
-    plans 2 steps ahead unless it has a deadline, and its belief leaves out memories of 1e-9 together in a
+    plans 3 steps ahead unless it has a deadline, and its belief leaves out memories of 1e-9 together in a
     step (`belief.dropped` bounds what that does). The same trial may then go another way on another
     machine, or a busier one: `decision.horizon` says how far each decision looked.
 
@@ -125,7 +125,7 @@ class Robot:
 
     @property
     def _default_horizon(self) -> int:
-        near = NEAR if self._branches else 5
+        near = HORIZON if self._branches else 5
         return near if self.deadline is None else FAR
 
     @property

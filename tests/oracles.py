@@ -165,35 +165,47 @@ def observed_paths(
     return result
 
 
-def branching_tree(belief: Any, state: Hashable, horizon: int, gamma: float = 1.0) -> dict[Any, float]:
+def branching_tree(
+    belief: Any, state: Hashable, horizon: int, gamma: float = 1.0, outcomes: Any = None
+) -> dict[Any, float]:
     """Q_h of every valid action, by the whole tree over key and every value of the discrete channels."""
     if horizon == 0:
         return {}
     world: World = belief.world
-    discrete = {
-        name: (
-            list(channel.values)
-            if channel.kind == "plain"
-            else [*getattr(world, "roles")(world.tasks[0]), "none"]  # noqa: B009
-        )
-        for name, channel in belief.model.observation.channels.items()
-        if channel.kind != "normal"
-    }
+    outcomes = _outcomes(world, belief.model) if outcomes is None else outcomes
     values = {}
     for action in world.actions(state):
         reached = world.step(state, action)
-        now = belief.mental_joint(reached)
+        now = belief.mental_joint(reached).tolist()
         value = 0.0
-        for pressed, *shown in itertools.product((False, True), *discrete.values()):
-            signals = dict(zip(discrete, shown, strict=True))
+        for pressed, signals, table in outcomes:
             probability = sum(
-                now[task, column] * observed(world, belief.model, task, mental, pressed, signals)
-                for task in range(len(world.tasks))
-                for column, mental in enumerate(belief.model.mental_states)
+                p * q for row, other in zip(now, table, strict=True) for p, q in zip(row, other, strict=True)
             )
             if probability > 0:
                 after = belief.update(reached, pressed, signals)
-                future = branching_tree(after, reached, horizon - 1, gamma)
+                future = branching_tree(after, reached, horizon - 1, gamma, outcomes)
                 value += probability * (after.entropy() + gamma * min(future.values(), default=0.0))
         values[action] = value
     return values
+
+
+def _outcomes(world: Any, model: TeacherModel) -> list[Any]:
+    """Key, signals, and P(both | task, M) of everything that may be observed in a step."""
+    discrete: dict[str, list[str]] = {}
+    channels: dict[str, Any] = dict(model.observation.channels)
+    for name, channel in channels.items():
+        if channel.kind == "plain":
+            discrete[name] = list(channel.values)
+        elif channel.kind == "target":
+            discrete[name] = [*world.roles(world.tasks[0]), "none"]
+    found = []
+    keys: list[Any] = [False, True]
+    for pressed, *shown in itertools.product(keys, *discrete.values()):
+        signals = dict(zip(discrete, shown, strict=True))
+        table = [
+            [observed(world, model, task, mental, pressed, signals) for mental in model.mental_states]
+            for task in range(len(world.tasks))
+        ]
+        found.append((pressed, signals, table))
+    return found
