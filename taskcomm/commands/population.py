@@ -1,6 +1,7 @@
 """`taskcomm population`: what teachers have in common, how they differ, and a model of each."""
 
 import re
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -45,9 +46,10 @@ def run(
             )  # fmt: skip
         found.save(part)
         if folder is not None:
+            names = file_names([teacher.name for teacher in found.teachers])
             everybody = (*(teacher.model for teacher in found.teachers), found.model)
-            for model, name in zip(everybody, file_names(found), strict=True):
-                model.save(folder / name)
+            for model, name in zip(everybody, names, strict=True):
+                model.save(folder / f"{name}.json")
     write_record(record, out)
     report(found, out, models, terminal)
     if not found.converged:
@@ -59,14 +61,18 @@ def run(
 MEAN = "mean-teacher"
 
 
-def file_names(found: Population) -> list[str]:
-    """A file for each teacher, named for the teacher as far as files can be, and one for the mean one."""
+def file_names(teachers: Sequence[str]) -> list[str]:
+    """A file name, without its ending, for each teacher as far as files can be so named, and the mean one.
+
+    >>> file_names(["p 1", "p:1"])
+    ['p_1', 'p_1~2', 'mean-teacher']
+    """
     names: list[str] = []
-    for teacher in (*(each.name for each in found.teachers), MEAN):
+    for teacher in (*teachers, MEAN):
         plain = re.sub(r"[^\w.-]+", "_", teacher).strip(".") or "teacher"
-        again = sum(name == plain or name.rsplit("~", 1)[0] == plain for name in names)
+        again = sum(name.split("~")[0] == plain for name in names)
         names.append(f"{plain}~{again + 1}" if again else plain)
-    return [f"{name}.json" for name in names]
+    return names
 
 
 def report(found: Population, out: Path, models: Path | None, terminal: Terminal) -> None:
