@@ -132,7 +132,8 @@ def expose(
 
     With `labels`, presses that annotators labelled have one of the reasons they gave. With a `dropped_mass`
     above 0, memories that hold no more than it together, at each event and under `model`, are left out where
-    key states are unknown (`Lattice.unit_dropped` bounds the loss). Tasks that show the same are one unit, unless `together` is False.
+    key states are unknown (`Lattice.unit_dropped` bounds the loss). Tasks that show the same are one unit,
+    unless `together` is False.
     Trials whose task is None are taken under every task with a positive `prior` (uniform by default).
     Raises TypeError for what are no trials; FitError for zero trials (which this `use` needs), a trial
     without steps, two dt, another dt than the model's, another world, a task that the world lacks, a cue

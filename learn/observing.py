@@ -7,15 +7,17 @@ form; table-tops and observation model raise the expected log-likelihood apart f
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
 
 from learn import emissions
 from learn.estep import Evidence, Expectation
 from learn.exposure import FitError
-from taskcomm.channels import NONE, NormalChannel, ObservationModel, TargetChannel
-from taskcomm.lattice import Bools, Floats
+from taskcomm.channels import NONE, NormalChannel, ObservationModel, PlainChannel, TargetChannel
+from taskcomm.lattice import Floats, Ints
 from taskcomm.observation import Observer
 from taskcomm.teacher import ModelError, TeacherModel
 from taskcomm.trials import Trial
@@ -52,6 +54,16 @@ def with_channels(
         raise FitError(f"observe: {error}") from None
 
 
+class _Numbers(NamedTuple):
+    """A continuous channel over the steps of all units: where it has a value, the values, the roles of what they
+    are about (None without a target), and their standard deviation."""
+
+    rows: Ints
+    values: Floats
+    roles: NDArray[np.str_] | None
+    overall: float
+
+
 class Observing:
     """The observation model of a fit: where it stands, its M-step, its weights in the lattice.
 
@@ -71,18 +83,14 @@ class Observing:
         lattice, exposure = evidence.exposure.lattice, evidence.exposure
         steps = exposure.steps[exposure.unit_trial]
         starts = np.concatenate([[0], np.cumsum(steps)])
+        order = exposure.unit_trial
         patterns: dict[Any, int] = {}
         codes = [
-            np.array(
-                [
-                    patterns.setdefault(_pattern(step, model.observation), len(patterns))
-                    for step in trial.steps
-                ]
-            )
+            np.array([patterns.setdefault(_pattern(step, model), len(patterns)) for step in trial.steps])
             for trial in trials
         ]
         self._patterns = list(patterns)
-        self._pattern = np.concatenate([codes[trial] for trial in exposure.unit_trial])
+        self._pattern = np.concatenate([codes[trial] for trial in order])
         self._unit = np.repeat(np.arange(len(steps)), steps)
         self._task = np.array([int(share.argmax()) for share in exposure.unit_tasks])[self._unit]
         last = np.zeros(len(lattice.layer_press), dtype=np.bool_)
@@ -92,25 +100,51 @@ class Observing:
         self._rows = starts[unit_of_layer] + lattice.layer_press
         self._silent = np.ones(int(starts[-1]), dtype=np.bool_)
         self._silent[self._rows[self._layers]] = False
+        self._numbers = self._measured(trials, order)
         # What is not the observation model's: labels, which bar states whatever the observation.
         self._barred = np.zeros((int(starts[-1]), lattice.event.shape[1]), dtype=np.bool_)
         events = lattice.event[self._layers]
         self._barred[self._rows[self._layers]] = (events == 0) & (
             self._weights()[self._rows[self._layers]] > 0
         )
-        self._overall = {name: self._spread(name) for name in model.observation.continuous}
         self.set(model.observation)
 
-    def _spread(self, name: str) -> float:
-        values = [dict(signals).get(name) for _, signals in self._patterns]
-        numbers = [float(value) for value in values if value is not None]
-        return (float(np.std(numbers)) or 1.0) if numbers else 1.0
+    def _measured(self, trials: Sequence[Trial], order: Ints) -> dict[str, _Numbers]:
+        """The numbers of every continuous channel, over the steps of all units."""
+        result = {}
+        for name, channel in self.observation.continuous.items():
+            each = [np.array([math.nan if x is None else float(x) for x in t.signals(name)]) for t in trials]
+            values = np.concatenate([each[trial] for trial in order])
+            rows, overall = np.flatnonzero(~np.isnan(values)), float(np.nanstd(values)) or 1.0
+            roles = None
+            if channel.target is not None:
+                named = [dict(self._patterns[code][1]).get(channel.target) for code in self._pattern[rows]]
+                if None in named:
+                    raise FitError(
+                        f"observe: steps with {name!r} but without its target {channel.target!r} cannot be used"
+                    )
+                by_task = self._roles()
+                roles = np.array(
+                    [by_task[task][str(value)] for task, value in zip(self._task[rows], named, strict=True)]
+                )
+            result[name] = _Numbers(rows, values[rows], roles, overall)
+        return result
 
     def _weights(self) -> Floats:
-        """P(observation | M) of every step of every unit, (steps, 2 + M)."""
-        observer = Observer(self.world, replace(self.base, observation=self.observation))
+        """P(observation | M) of every step of every unit, (steps, 2 + M); densities for numbers."""
+        seen, states = self.observation, self.base.mental_states
+        discrete = replace(seen, channels=seen.discrete)
+        observer = Observer(self.world, replace(self.base, observation=discrete))
         logs = np.array([observer.log_weights(pressed, dict(signals)) for pressed, signals in self._patterns])
-        return np.asarray(np.exp(logs[self._pattern, self._task]))
+        result = logs[self._pattern, self._task]
+        for name, (rows, values, roles, _) in self._numbers.items():
+            channel = seen.continuous[name]
+            for k, state in enumerate(states):
+                mean, sd = channel.mean[state], channel.sd[state]
+                if roles is not None:
+                    mean, sd = (np.array([by[role] for role in roles]) for by in (mean, sd))
+                result[rows, k] += norm.logpdf(values, mean, sd)
+        return np.asarray(np.exp(result))
 
     def set(self, observation: ObservationModel) -> None:
         """Stand at `observation`: the lattice's events and constants become its own."""
@@ -134,7 +168,9 @@ class Observing:
                 p = getattr(seen, name)
                 total += emissions.PSEUDOCOUNT * (math.log(p) + math.log1p(-p))
             else:
-                total += emissions.log_prior(seen.channels[name], self._overall.get(name, 1.0))
+                total += emissions.log_prior(
+                    seen.channels[name], self._numbers[name].overall if name in self._numbers else 1.0
+                )
         return total
 
     @property
@@ -181,53 +217,38 @@ class Observing:
         return [{**told(task), NONE: NONE} for task in self.world.tasks]
 
     def _channel(self, name: str, weight: Floats) -> Any:
-        channel = self.observation.channels[name]
+        channel, states = self.observation.channels[name], self.base.mental_states
+        if isinstance(channel, NormalChannel):
+            return self._normal(channel, self._numbers[name], weight)
         values = [dict(signals).get(name) for _, signals in self._patterns]
         there = np.array([value is not None for value in values])[self._pattern]
-        rows, states = np.flatnonzero(there), self.base.mental_states
-        seen = [values[code] for code in self._pattern[rows]]
-        if isinstance(channel, NormalChannel):
-            return self._normal(name, channel, rows, np.array(seen, dtype=np.float64), weight)
-        names = list(channel.roles if isinstance(channel, TargetChannel) else channel.values)
+        rows = np.flatnonzero(there)
+        seen = [str(values[code]) for code in self._pattern[rows]]
+        names = list(channel.values if isinstance(channel, PlainChannel) else channel.roles)
         if isinstance(channel, TargetChannel):
             roles = self._roles()
-            seen = [roles[task][str(value)] for task, value in zip(self._task[rows], seen, strict=True)]
+            seen = [roles[task][value] for task, value in zip(self._task[rows], seen, strict=True)]
         table = {state: emissions.categorical(names, seen, weight[rows, k]) for k, state in enumerate(states)}
         return type(channel)(table)
 
-    def _normal(
-        self, name: str, channel: NormalChannel, rows: Any, values: Floats, weight: Floats
-    ) -> NormalChannel:
-        states, overall = self.base.mental_states, self._overall[name]
-
-        def fitted(kept: Bools, k: int, before: tuple[float, float]) -> tuple[float, float]:
-            return emissions.normal(values[kept], weight[rows[kept], k], overall) or before
-
-        if channel.target is None:
-            every = np.ones(len(rows), dtype=np.bool_)
-            moments = {s: fitted(every, k, (channel.mean[s], channel.sd[s])) for k, s in enumerate(states)}
-            return NormalChannel(
-                {s: m for s, (m, _) in moments.items()}, {s: d for s, (_, d) in moments.items()}
-            )
-        named = [dict(self._patterns[code][1]).get(channel.target) for code in self._pattern[rows]]
-        if None in named:
-            raise FitError(
-                f"observe: {name!r} cannot be learned where {channel.target!r} was not recorded with it"
-            )
-        roles = self._roles()
-        role = np.array(
-            [roles[task][str(value)] for task, value in zip(self._task[rows], named, strict=True)]
-        )
-        both = {
-            s: {r: fitted(role == r, k, (channel.mean[s][r], channel.sd[s][r])) for r in channel.roles}
-            for k, s in enumerate(states)
-        }
-        mean = {s: {r: m for r, (m, _) in row.items()} for s, row in both.items()}
-        return NormalChannel(
-            mean, {s: {r: d for r, (_, d) in row.items()} for s, row in both.items()}, channel.target
-        )
+    def _normal(self, channel: NormalChannel, numbers: _Numbers, weight: Floats) -> NormalChannel:
+        rows, values, roles, overall = numbers
+        mean, sd = {}, {}
+        for k, state in enumerate(self.base.mental_states):
+            if roles is None:
+                before = channel.mean[state], channel.sd[state]
+                mean[state], sd[state] = emissions.normal(values, weight[rows, k], overall) or before
+                continue
+            mean[state], sd[state] = dict(channel.mean[state]), dict(channel.sd[state])
+            for role in channel.roles:
+                found = emissions.normal(values[roles == role], weight[rows[roles == role], k], overall)
+                if found is not None:
+                    mean[state][role], sd[state][role] = found
+        return NormalChannel(mean, sd, channel.target)
 
 
-def _pattern(step: Any, seen: ObservationModel) -> tuple[bool | None, tuple[tuple[str, str | float], ...]]:
-    signals = tuple((name, step.signals[name]) for name in seen.channels if name in (step.signals or {}))
-    return step.pressed, signals
+def _pattern(step: Any, model: TeacherModel) -> tuple[bool | None, tuple[tuple[str, str], ...]]:
+    """The key, and the signals of discrete channels."""
+    given = step.signals or {}
+    names = [name for name in model.observation.discrete if given.get(name) is not None]
+    return step.pressed, tuple((name, given[name]) for name in names)
