@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from learn import emissions
 from learn.estep import Evidence, Expectation
@@ -55,8 +54,8 @@ def with_channels(
 
 
 class _Numbers(NamedTuple):
-    """A continuous channel over the steps of all units: where it has a value, the values, the roles of what they
-    are about (None without a target), and their standard deviation."""
+    """A continuous channel over the steps of all units: where it has a value, the values, the roles of what
+    they are about (None without a target), and their standard deviation."""
 
     rows: Ints
     values: Floats
@@ -121,7 +120,7 @@ class Observing:
                 named = [dict(self._patterns[code][1]).get(channel.target) for code in self._pattern[rows]]
                 if None in named:
                     raise FitError(
-                        f"observe: steps with {name!r} but without its target {channel.target!r} cannot be used"
+                        f"observe: a step with {name!r} needs the {channel.target!r} that it is about"
                     )
                 by_task = self._roles()
                 roles = np.array(
@@ -137,6 +136,8 @@ class Observing:
         observer = Observer(self.world, replace(self.base, observation=discrete))
         logs = np.array([observer.log_weights(pressed, dict(signals)) for pressed, signals in self._patterns])
         result = logs[self._pattern, self._task]
+        if self._numbers:
+            from scipy.stats import norm
         for name, (rows, values, roles, _) in self._numbers.items():
             channel = seen.continuous[name]
             for k, state in enumerate(states):
@@ -168,9 +169,8 @@ class Observing:
                 p = getattr(seen, name)
                 total += emissions.PSEUDOCOUNT * (math.log(p) + math.log1p(-p))
             else:
-                total += emissions.log_prior(
-                    seen.channels[name], self._numbers[name].overall if name in self._numbers else 1.0
-                )
+                overall = self._numbers[name].overall if name in self._numbers else 1.0
+                total += emissions.log_prior(seen.channels[name], overall)
         return total
 
     @property
@@ -233,7 +233,8 @@ class Observing:
 
     def _normal(self, channel: NormalChannel, numbers: _Numbers, weight: Floats) -> NormalChannel:
         rows, values, roles, overall = numbers
-        mean, sd = {}, {}
+        mean: dict[str, Any] = {}
+        sd: dict[str, Any] = {}
         for k, state in enumerate(self.base.mental_states):
             if roles is None:
                 before = channel.mean[state], channel.sd[state]
