@@ -29,7 +29,7 @@ class Waits:
 
     `trial` and `first` (onsets,) say where each began, `steps` how many steps were at risk, `pressed`
     whether the last of them had a press. A wait is censored where the cue goes off, the trial ends, or
-    the key was not recorded.
+    the key was not recorded. `sources` are those of the trials.
     """
 
     cue: str
@@ -38,6 +38,7 @@ class Waits:
     first: Ints
     steps: Ints
     pressed: Bools
+    sources: tuple[str, ...] = ()
 
     def curve(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Kaplan and Meier's estimate: seconds, P(no press by then), and its 95% band (log-log).
@@ -84,7 +85,8 @@ def waits_after(trials: Sequence[Trial], cue: str) -> Waits | None:
     if not found:
         return None
     numbers, first, steps, pressed = map(np.array, zip(*found, strict=True))
-    return Waits(cue, trials[0].dt, numbers, first, steps, pressed)
+    sources = tuple(sorted({trial.source for trial in trials}))
+    return Waits(cue, trials[0].dt, numbers, first, steps, pressed, sources)
 
 
 def press_probability(trial: Trial, model: TeacherModel) -> Floats:
@@ -141,7 +143,9 @@ def waits_axes(waits: Waits, probabilities: Mapping[str, Sequence[Floats]], ax: 
     ax.set_ylim(0, 1.02)
     ax.set_xlabel(f"seconds since {waits.cue} came on")
     ax.set_ylabel("share without a press")
-    ax.set_title(f"{waits.cue}: {len(waits.steps)} onsets, {int(waits.pressed.sum())} of them answered")
+    simulated = " (simulated)" if "simulated" in waits.sources else ""
+    counted = f"{len(waits.steps)} onsets, {int(waits.pressed.sum())} of them answered"
+    ax.set_title(f"{waits.cue}{simulated}: {counted}")
     return ax
 
 

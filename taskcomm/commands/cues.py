@@ -66,13 +66,15 @@ def compared(
         return compare_baselines(trials, fitted, models, folds=folds, seed=seed, jobs=jobs, progress=progress)
 
 
-def say(found: "Baselines", terminal: Terminal) -> None:
+def say(found: "Baselines", trials: Sequence[Trial], terminal: Terminal) -> None:
     """The table for people."""
     from learn.baselines import CONSTANT
     from learn.report import span
 
+    sources = ", ".join(sorted({trial.source for trial in trials}))
     terminal.table(
-        f"Accounts of the same presses; held out by {found.held_out_by}, in nats per trial",
+        f"Accounts of the presses of {len(found.fold)} trials ({sources}); held out by {found.held_out_by},"
+        " nats per trial",
         ["account", "parameters", "log-likelihood", "BIC", "held out", f"minus {CONSTANT}"],
         [
             [
@@ -89,7 +91,9 @@ def say(found: "Baselines", terminal: Terminal) -> None:
 
 
 @contextmanager
-def figure_files(figure: Path | None, folds: int) -> Iterator[tuple[Path, Path] | None]:
+def figure_files(
+    figure: Path | None, folds: int, inputs: Sequence[Path]
+) -> Iterator[tuple[Path, Path] | None]:
     """Where to draw the waits and write their numbers, if asked; said at once if it cannot be done."""
     if figure is None:
         yield None
@@ -97,11 +101,21 @@ def figure_files(figure: Path | None, folds: int) -> Iterator[tuple[Path, Path] 
     if figure.suffix not in FIGURES:
         raise typer.BadParameter(f"{figure.name}: must end in {', '.join(FIGURES)}", param_hint="--figure")
     if folds < 2:
-        raise typer.BadParameter(
-            "draws the accounts that are compared: --folds must be 2 or more", param_hint="--figure"
-        )
-    with result_file(figure) as drawing, result_file(figure.with_suffix(".csv")) as table:
+        raise typer.BadParameter("draws what is compared: --folds must be 2 or more", param_hint="--figure")
+    numbers = numbers_of(figure)
+    if numbers.resolve() in [path.resolve() for path in inputs]:
+        raise typer.BadParameter(f"its numbers would overwrite {numbers}", param_hint="--figure")
+    with result_file(figure) as drawing, result_file(numbers) as table:
         yield drawing, table
+
+
+def numbers_of(figure: Path) -> Path:
+    """Where the numbers behind a figure go; not to be taken for the cue table that it is drawn from.
+
+    >>> numbers_of(Path("cues.png")).name
+    'cues-waits.csv'
+    """
+    return figure.with_name(f"{figure.stem}-waits.csv")
 
 
 def draw_waits(trials: Sequence[Trial], found: "Baselines", files: tuple[Path, Path] | None) -> None:

@@ -40,7 +40,7 @@ def run(
     tables = cues.are_cue_tables(logs, {"--dt": dt, "--figure": figure})
     given = not tables or initial != "intuitive"
     start = load_model(initial, "--initial")
-    with result_file(out) as part, cues.figure_files(figure, folds) as drawing:
+    with result_file(out) as part, cues.figure_files(figure, folds, logs) as drawing:
         trials, places = read_with_places(logs, dt) if tables else load_trials(logs, terminal)
         start = start if given else cues.start_for(trials)
         record = run_record("fit", settings, [*log_files(logs), *model_files([initial])])
@@ -101,8 +101,10 @@ def run(
     for remark in result.remarks:
         terminal.line(f"- {remark}")
     if found is not None:
-        cues.say(found, terminal)
+        cues.say(found, trials, terminal)
     terminal.line(f"{out}: the model")
+    if figure is not None:
+        terminal.line(f"{figure}: times to the first press; {cues.numbers_of(figure)}: its numbers")
     if not result.converged:
         terminal.message(f"{result.status}; the model says so in its provenance")
         return 4

@@ -100,7 +100,7 @@ def test_the_figure_has_a_panel_for_each_cue_and_its_numbers_beside_it(tmp_path:
     trials, accounts = cue_trials()[:6], {"true": partial(press_probability, model=TRUE)}
     figure, rows = waits_figure(trials, accounts)
     titles = [ax.get_title(loc="left") for ax in figure.axes]
-    assert [title.split(":")[0] for title in titles] == ["light", "tone"]
+    assert [title.split(":")[0] for title in titles] == ["light (simulated)", "tone (simulated)"]
     assert {(row["cue"], row["account"]) for row in rows} == {
         (cue, account) for cue in WORLD.cue_names for account in ("observed", "true")
     }
