@@ -35,6 +35,7 @@ class Plan:
     holds, but one at least. `loops` studies more are logged in a closed loop: of `loop_trials` trials,
     about `batch` at a time, by the planner with the model learned from all the trials before (at first with
     the intuitive one). Every learned model is scored on `held_out` fresh trials.
+    With `intervals`, each fit gets its likelihood intervals, which takes several times as long.
     `options` go to `learn.fit`. Raises ValueError for what cannot be.
     """
 
@@ -50,6 +51,7 @@ class Plan:
     threshold: float = 0.98
     max_steps: int = 600
     seed: int = 0
+    intervals: bool = False
     options: Mapping[str, Any] = field(default_factory=lambda: {"starts": 3})
 
     def __post_init__(self) -> None:
@@ -155,6 +157,8 @@ class _Fitting:
         row |= exposure_at(trials, world, truth, result.settings)
         row |= {"steps_in_all": sum(trial.num_steps for trial in trials)}
         row |= {"presses_in_all": sum(int(trial.presses.sum()) for trial in trials)}
+        if self.plan.intervals:
+            row |= {"intervals": intervals_of(result, trials)}
         self.kept.append(row | {"scores": self._scores(result)})
         return result.model
 
@@ -211,6 +215,19 @@ def exposure_at(
     }
 
 
+def intervals_of(
+    result: "FitResult", trials: Sequence[Trial]
+) -> dict[str, tuple[float | None, float | None]]:
+    """The likelihood interval of each parameter that has one; None for an open end."""
+    from learn.certainty import uncertainty
+
+    return {
+        one.parameter: (None if one.open_low else one.low, None if one.open_high else one.high)
+        for one in uncertainty(result, trials).intervals
+        if one.low is not None and one.high is not None
+    }
+
+
 def recover(
     folder: Path,
     world: World,
@@ -225,9 +242,10 @@ def recover(
     Rows are kept in `folder` as they are done: the same call goes on where it was stopped, and more sizes,
     sources, repeats or loops may be asked of a folder later. A row holds the study, the learned `model`,
     its `marks`, whether the fit `converged`, the expected `steps` and `presses` that bore on each
-    parameter at its true value, and the `scores` of the held-out trials. Two rows more, of sources "true" and
-    "intuitive", hold the scores of those models. Nothing depends on `jobs`. Raises ValueError for a folder
-    with another run, FitError for studies that cannot be fitted.
+    parameter at its true value, `intervals` where the plan has them, and the `scores` of the held-out
+    trials. Two rows more, of sources "true" and "intuitive", hold the scores of those models. Nothing
+    depends on `jobs`. Raises ValueError for a folder with another run or for truths of several dt,
+    FitError for studies that cannot be fitted.
     """
     if len({model.dt for model in truths.values()}) != 1:
         raise ValueError(f"recovery: needs truths with one dt, not {len(truths)} with several or none")
@@ -247,7 +265,17 @@ def _key(study: Study) -> tuple[str, int, int]:
 
 
 def _about(world: World, truths: Mapping[str, TeacherModel], plan: Plan) -> dict[str, Any]:
-    fixed = ("batch", "held_out", "horizon", "loop_trials", "max_steps", "options", "seed", "threshold")
+    fixed = (
+        "batch",
+        "held_out",
+        "horizon",
+        "intervals",
+        "loop_trials",
+        "max_steps",
+        "options",
+        "seed",
+        "threshold",
+    )
     settings = {name: value for name, value in asdict(plan).items() if name in fixed}
     return {
         "world": repr(world),

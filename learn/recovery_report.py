@@ -82,7 +82,7 @@ def report(found: Recovery) -> str:
     """The report; figures and tables are named as `write_recovery` writes them."""
     sections = ["# Recovery: does learning find the truth?", _about(found), _paying(found)]
     sections += [_errors(found, truth) for truth in found.truths]
-    sections += [_looped(found), _robots(found)]
+    sections += [_covered(found), _looped(found), _robots(found)]
     return "\n\n".join(section for section in sections if section) + "\n"
 
 
@@ -168,6 +168,22 @@ def _error(row: Row) -> str:
         return "no data"
     bound = f"; {row['at_bound']:.0%}" if row["at_bound"] else ""
     return f"{row['bias']:+.2f}, {row['rmse']:.2f}{bound}"
+
+
+def _covered(found: Recovery) -> str:
+    rows = [row for row in found.parameters if row["intervals"]]
+    if not rows:
+        return ""
+    names = list(dict.fromkeys(row["parameter"] for row in rows))
+    at = {(row["truth"], row["source"], row["size"], row["parameter"]): row for row in rows}
+    lines = []
+    for truth, source, size in dict.fromkeys(key[:3] for key in at):
+        of_names = [at.get((truth, source, size, name)) for name in names]
+        shares = [f"{one['coverage']:.0%} of {one['intervals']}" if one else "" for one in of_names]
+        lines.append([truth, source, size, *shares])
+    about = "In how many of the studies the 95% likelihood interval of a parameter held its true value."
+    columns = ["teachers", "robot moved by", "trials", *names]
+    return "\n\n".join(["## Do intervals hold the truth?", about, markdown_table(columns, lines)])
 
 
 def _looped(found: Recovery) -> str:

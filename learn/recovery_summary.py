@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import binomtest
 
 from learn.bootstrap import ratio_interval
 from learn.coordinates import names_of, vector_of
@@ -46,7 +47,8 @@ def parameter_rows(rows: Sequence[Row]) -> list[dict[str, Any]]:
     Errors are learned minus true on the scale of `scaled`, over the studies that had data for the parameter:
     `bias` with its interval (studies resampled), `rmse`, and the 10th, 50th and 90th percentile. `no_data`,
     `at_bound` and `at_kink` are shares of all studies. `steps` and `presses` are those expected, per trial,
-    to bear on the parameter at its true value.
+    to bear on the parameter at its true value. Of the studies that had an interval for it, `intervals`, the
+    share `coverage` covered the true value; beside it the Wilson interval of that share.
     """
     truths = {row["truth"]: TeacherModel.from_dict(row["model"]) for row in rows if row["source"] == "true"}
     found = []
@@ -60,7 +62,8 @@ def parameter_rows(rows: Sequence[Row]) -> list[dict[str, Any]]:
                 continue
             values = [float(vector[place]) for vector in learned]
             about = {"truth": truth, "source": source, "size": size, "parameter": name, "true": true[name]}
-            found.append(about | _errors(name, values, true[name], marks) | _exposed(name, studies))
+            errors = _errors(name, values, true[name], marks)
+            found.append(about | errors | _covered(name, true[name], studies) | _exposed(name, studies))
     return found
 
 
@@ -82,6 +85,20 @@ def _errors(name: str, values: Sequence[float], true: float, marks: Sequence[str
         **dict(zip(("error_10", "median_error", "error_90"), map(float, spread), strict=True)),
         **shares,
     }
+
+
+def _covered(name: str, true: float, studies: Sequence[Row]) -> dict[str, float]:
+    """How often the intervals hold the true value; rounding apart."""
+    found = [study["intervals"][name] for study in studies if name in study.get("intervals", ())]
+    inside = [
+        (low is None or low <= true * (1 + 1e-9)) and (high is None or true * (1 - 1e-9) <= high)
+        for low, high in found
+    ]
+    share, ends = math.nan, (math.nan, math.nan)
+    if inside:
+        counted = binomtest(sum(inside), len(inside))
+        share, ends = float(counted.statistic), counted.proportion_ci(method="wilson")
+    return {"intervals": len(inside), "coverage": share, "coverage_low": ends[0], "coverage_high": ends[1]}
 
 
 def _exposed(name: str, studies: Sequence[Row]) -> dict[str, float]:

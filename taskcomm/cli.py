@@ -273,6 +273,10 @@ def recover(
     closed_loop: Annotated[
         int, typer.Option(min=0, help="Simulated trials per robot with a learned model; 0 for none.")
     ] = 0,
+    intervals: Annotated[
+        bool,
+        typer.Option("--intervals", help="How often intervals hold the truth; takes several times as long."),
+    ] = False,
     delays: Annotated[bool, typer.Option("--delays", help="Fit the delays too.")] = False,
     decays: Annotated[bool, typer.Option("--decays", help="Fit the decays too.")] = False,
     starts: Annotated[int, typer.Option(min=1, help="Starts of EM.")] = 3,

@@ -28,6 +28,7 @@ def run(
     batch: int,
     held_out: int,
     closed_loop: int,
+    intervals: bool,
     delays: bool,
     decays: bool,
     starts: int,
@@ -49,7 +50,7 @@ def run(
     try:
         plan = Plan(
             tuple(sizes or (22, 44, 200)), tuple(robot or SOURCES), repeats, pool, loops, loop_trials, batch,
-            held_out, horizon, threshold, max_steps, seed, options,
+            held_out, horizon, threshold, max_steps, seed, intervals, options,
         )  # fmt: skip
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None

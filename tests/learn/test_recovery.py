@@ -12,6 +12,7 @@ from tinyworld import menu
 
 from learn import fit, log_likelihoods, run_closed_loop
 from learn.bootstrap import ratio_interval
+from learn.certainty import uncertainty
 from learn.kept_rows import KeptRows
 from learn.recovery import HELD_OUT, Plan, Study, recover
 from learn.recovery_figure import WIDEST, error_figure, learning_curve, robot_figure
@@ -221,6 +222,21 @@ def test_errors_are_on_the_scale_of_odds_and_leave_out_what_has_no_data() -> Non
     assert scaled("x.peak", 0.0) == -math.inf
 
 
+def test_an_interval_covers_what_lies_between_its_ends_and_any_at_an_open_one() -> None:
+    rows = made_rows({8: 1.0})
+    true = TRUTH.mistake
+    rows[2]["intervals"] = {"mistake": (true, 1.5 * true), "that_mov.rise": (1.5, None)}
+    rows[3]["intervals"] = {"mistake": (None, 0.5 * true), "that_mov.rise": (None, 2.0)}
+    told = {row["parameter"]: row for row in parameter_rows(rows)}
+    assert (told["mistake"]["coverage"], told["mistake"]["intervals"]) == (0.5, 2)
+    assert told["mistake"]["coverage_low"] == pytest.approx(0.0945, abs=1e-4)  # Wilson's for one of two
+    assert told["that_mov.rise"]["coverage"] == 0.5
+    assert told["that_mov.fall"]["intervals"] == 0
+    assert math.isnan(told["that_mov.fall"]["coverage"])
+    recovery = Recovery(PLAN, {"made": TRUTH}, parameter_rows(rows), curve_rows(rows), [], [])
+    assert "| made | both | 8 | 50% of 2 |" in report(recovery)
+
+
 def test_gain_and_what_is_left_sum_to_what_is_possible(rows: list[dict[str, Any]]) -> None:
     for row in curve_rows(rows):
         assert row["gain"] + row["short"] == pytest.approx(row["possible"], abs=1e-9)
@@ -337,6 +353,7 @@ def test_the_command_writes_a_report_and_goes_on(tmp_path: Path, capsys: pytest.
     assert main(asked) == DONE
     assert "learning pays" in capsys.readouterr().out
     kept = (out / "fits.jsonl").read_bytes()
+    assert "intervals" not in kept.decode().splitlines()[3]
     assert main([*asked, "--closed-loop", "2", "--json"]) == DONE
     document = json.loads(capsys.readouterr().out)
     assert {row["truth"] for row in document["crossings"]} == {"prompt", "prompt'"}
@@ -346,6 +363,20 @@ def test_the_command_writes_a_report_and_goes_on(tmp_path: Path, capsys: pytest.
     assert {"report.md", "learning-curve.png", "errors-prompt.csv", "robots.png", "run.json"} <= made
     assert main([*asked, "--seed", "1"]) == FAILED
     assert "kept of another run, seed 0, not 1" in capsys.readouterr().err
+
+
+@pytest.mark.verify
+def test_intervals_kept_are_those_of_the_fit(tmp_path: Path) -> None:
+    plan = Plan(**{**vars(PLAN), "sizes": (4,), "sources": ("operator",), "repeats": 1, "loops": 0})
+    row = recover(tmp_path, WORLD, {"prompt": TRUTH}, Plan(**{**vars(plan), "intervals": True}))[-1]
+    trials = [PLAN.teaching(WORLD, TRUTH).by_operator(n) for n in range(4)]
+    found = uncertainty(fit(trials, world=WORLD, initial=intuitive_for(TRUTH), starts=1), trials)
+    assert set(row["intervals"]) == {one.parameter for one in found.intervals if one.low is not None}
+    for name, (low, high) in row["intervals"].items():
+        one = found[name]
+        assert (low, high) == (None if one.open_low else one.low, None if one.open_high else one.high)
+    with pytest.raises(ValueError, match="kept of another run, intervals True, not False"):
+        recover(tmp_path, WORLD, {"prompt": TRUTH}, plan)
 
 
 def test_what_the_command_cannot_do_is_said_in_one_line(

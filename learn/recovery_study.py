@@ -1,0 +1,133 @@
+"""The kept study of recovery: three teachers, up to 1000 trials, the closed loop, and learned robots.
+
+    python -m learn.recovery_study --rows recovery-results --out notebooks/results
+
+Nobody takes part: every teacher and every operator is a program. It takes the better part of an hour of one
+processor. Every fit and every trial of a robot is kept in --rows as soon as it is done: the same command goes
+on where it was stopped. The tables in --out (recovery-*.csv, recovery.json) are what the notebook reads.
+"""
+
+import argparse
+import json
+import platform
+import sys
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from learn.plots import csv_text
+from learn.recovery import Plan, recover
+from learn.recovery_report import Recovery, recovery_of, report, robot_plan, write_recovery
+from learn.recovery_robots import RobotPlan, run_robots
+from learn.teaching import TRUTHS
+from taskcomm.world import BallWorld
+
+OPTIONS = {"starts": 3, "delays": False, "decays": False}
+ROBOT_SIZES = (4, 22, 44, 200)
+TABLES = ("parameters", "curve", "crossings", "robots")
+
+
+@dataclass(frozen=True)
+class Part:
+    """Some teachers, what is done with them, and trials of each robot."""
+
+    name: str
+    truths: tuple[str, ...]
+    plan: Plan
+    robot_trials: int
+
+    @property
+    def robots(self) -> RobotPlan:
+        """The closed loop of learned models, those of the mixed studies."""
+        return robot_plan(self.plan, self.robot_trials, ROBOT_SIZES)
+
+    def run(self, rows: Path, jobs: int = 1) -> Recovery:
+        """Go on with this part to its end, and sum it up."""
+        world, truths = BallWorld(), {name: TRUTHS[name] for name in self.truths}
+        fits = recover(rows / self.name, world, truths, self.plan, jobs=jobs, stage=_told)
+        robots = run_robots(rows / self.name, world, truths, fits, self.robots, jobs=jobs, stage=_told)
+        return recovery_of(fits, robots, truths, self.plan)
+
+
+PARTS = (
+    Part(
+        "prompt",
+        ("prompt",),
+        Plan(sizes=(2, 4, 8, 22, 44, 200, 1000), repeats=20, pool=1000, loops=5, options=OPTIONS),
+        robot_trials=200,
+    ),
+    Part(
+        "others",
+        ("hesitant", "intuitive"),
+        Plan(sizes=(2, 4, 8, 22, 44, 200), repeats=10, pool=600, options=OPTIONS),
+        robot_trials=100,
+    ),
+)
+
+
+def _told(text: str, total: int) -> AbstractContextManager[Any]:
+    print(f"{text}: {total}", file=sys.stderr)
+    return nullcontext(lambda _done: None)
+
+
+def write_tables(found: Sequence[Recovery], parts: Sequence[Part], out: Path) -> None:
+    """The tables of all parts together, numbers to four digits, and how they were made."""
+    out.mkdir(parents=True, exist_ok=True)
+    for table in TABLES:
+        rows = [_short(row) for one in found for row in getattr(one, table)]
+        (out / f"recovery-{table}.csv").write_text(csv_text(rows), encoding="utf-8")
+    made = {
+        "made_by": "python -m learn.recovery_study",
+        "simulated": True,
+        "versions": _versions(),
+        "parts": [
+            {
+                "truths": {name: TRUTHS[name].sha256 for name in part.truths},
+                "plan": asdict(part.plan),
+                "robots": asdict(part.robots),
+            }
+            for part in parts
+        ],
+    }
+    (out / "recovery.json").write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
+
+
+def _short(row: dict[str, Any]) -> dict[str, Any]:
+    return {k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in row.items()}
+
+
+def _versions() -> dict[str, str]:
+    from taskcomm import __version__
+
+    return {"taskcomm": __version__, "python": platform.python_version(), "numpy": np.__version__}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run or go on with the study; write its tables and, beside the rows of each part, a report."""
+    parser = argparse.ArgumentParser(
+        prog="python -m learn.recovery_study", description="The kept study of recovery."
+    )
+    parser.add_argument("--rows", type=Path, default=Path("recovery-results"), help="folder of the rows")
+    parser.add_argument(
+        "--out", type=Path, default=Path("notebooks") / "results", help="folder of the tables"
+    )
+    parser.add_argument("--jobs", type=int, default=1)
+    chosen = parser.parse_args(arguments)
+    try:
+        found = [part.run(chosen.rows, chosen.jobs) for part in PARTS]
+        for part, one in zip(PARTS, found, strict=True):
+            write_recovery(one, chosen.rows / part.name)
+            print(report(one))
+        write_tables(found, PARTS, chosen.out)
+    except (OSError, ValueError) as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
