@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from learn.exposure import Exposure, FitError, expose
 from taskcomm.lattice import Floats
+from taskcomm.parallel import over_ranges
 from taskcomm.smoother import Chain, smooth
 from taskcomm.teacher import Parameters, TeacherModel
 from taskcomm.trials import Trial
@@ -139,13 +140,18 @@ class Evidence:
         from learn import _slopes
 
         p, chain, lattice = parameters, self.chain, self.exposure.lattice
-        answer, rates = np.zeros(2), np.zeros((6, len(p.peak)))
-        _slopes.expected(
-            lattice, 0, chain.units, p.mistake, p.peak, chain.share, memory, press, as_counts,
-            self._by_share, answer,
-        )  # fmt: skip
-        _slopes.collapse(lattice, 0, chain.units, p.peak, chain.share, chain.slope, self._by_share, rates)
-        return float(answer[0]), np.concatenate([answer[1:], rates.ravel()])
+
+        def part(first: int, last: int) -> Floats:
+            answer, rates = np.zeros(2), np.zeros((6, len(p.peak)))
+            _slopes.expected(
+                lattice, first, last, p.mistake, p.peak, chain.share, memory, press, as_counts,
+                self._by_share, answer,
+            )  # fmt: skip
+            _slopes.collapse(lattice, first, last, p.peak, chain.share, chain.slope, self._by_share, rates)
+            return np.concatenate([answer, rates.ravel()])
+
+        total = np.sum(over_ranges(part, chain.ranges), axis=0)
+        return float(total[0]), total[1:]
 
 
 def log_likelihood(

@@ -9,9 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from taskcomm.lattice import MAX_MEMORIES, Bools, Extent, Floats, Ints, Lattice, build_unit, join
 from taskcomm.observation import observation_weights
+from taskcomm.parallel import over_ranges
 from taskcomm.teacher import Parameters, TeacherModel
 from taskcomm.trials import Trial
 from taskcomm.world import World
+
+WORTHWHILE = 50_000  # levels of tracks in a range: a pass over fewer is done before a thread has begun
 
 
 def cue_tables(trial: Trial, world: World, cues: Ints) -> Bools:
@@ -108,7 +111,12 @@ class Chain:
         self.quiet, self.entered, self.left, self.ahead, self.memory = np.zeros((5, memories))
         self.flow = np.zeros((memories, lattice.event.shape[1]))
         self.total, self.log_likelihood = np.zeros(layers), np.zeros(self.units)
+        self.ranges = _ranges(lattice)
         self.parameters: Parameters | None = None
+
+    def sweep(self, kernel: Any, *arguments: Any) -> None:
+        """kernel(lattice, first, last, *arguments) over all units, in ranges, on threads."""
+        over_ranges(lambda first, last: kernel(self.lattice, first, last, *arguments), self.ranges)
 
     def trace(self, parameters: Parameters) -> None:
         """The levels along every track at these parameters, with their rates."""
@@ -116,8 +124,8 @@ class Chain:
 
         p = parameters
         self.parameters = p
-        _chain.trace(
-            self.lattice, 0, self.units, p.dt, p.rise, p.fall, p.steps_late, p.part_late, p.decay, p.hold,
+        self.sweep(
+            _chain.trace, p.dt, p.rise, p.fall, p.steps_late, p.part_late, p.decay, p.hold,
             self.share, self.slope,
         )  # fmt: skip
 
@@ -126,8 +134,8 @@ class Chain:
         from taskcomm import _chain
 
         self.trace(parameters)
-        _chain.forward(
-            self.lattice, 0, self.units, parameters.mistake, parameters.peak, self.share, self.quiet,
+        self.sweep(
+            _chain.forward, parameters.mistake, parameters.peak, self.share, self.quiet,
             self.entered, self.left, self.total, self.log_likelihood,
         )  # fmt: skip
         return self.log_likelihood.copy()
@@ -138,8 +146,8 @@ class Chain:
 
         p = self.parameters
         assert p is not None
-        _chain.backward(
-            self.lattice, 0, self.units, p.mistake, p.peak, self.share, self.quiet, self.entered, self.left,
+        self.sweep(
+            _chain.backward, p.mistake, p.peak, self.share, self.quiet, self.entered, self.left,
             self.total, self.log_likelihood, unit_weight, self.ahead, self.memory, self.flow,
         )  # fmt: skip
 
@@ -161,6 +169,15 @@ class Chain:
         """The steps of a unit's events, shape (events,)."""
         layers = self.lattice.unit_layers[unit : unit + 2]
         return self.lattice.layer_press[layers[0] : layers[1] - 1]
+
+
+def _ranges(lattice: Lattice) -> list[tuple[int, int]]:
+    """Ranges of units of about equal work, as many as are worth a thread's while."""
+    work = np.concatenate([[0], np.cumsum(lattice.track_length)])[lattice.unit_tracks]
+    parts = int(min(16, max(1, work[-1] // WORTHWHILE)))
+    cuts = np.searchsorted(work, np.linspace(0, work[-1], parts + 1)[1:-1])
+    ends = np.unique([0, *cuts.tolist(), len(work) - 1])
+    return list(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,11 @@
 
 import os
 from dataclasses import dataclass
+from threading import get_ident
 
 import pytest
 
+from taskcomm import parallel
 from taskcomm.parallel import map_in_order
 from taskcomm.world import InvalidAction
 
@@ -53,3 +55,13 @@ class Dying:
 def test_a_process_that_dies_is_one_clear_error() -> None:
     with pytest.raises(RuntimeError, match="a worker process died or could not start"):
         map_in_order(Dying(), range(4), jobs=2)
+
+
+def test_ranges_on_threads_give_what_they_give_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    ranges = [(k, k + 3) for k in range(40)]
+    monkeypatch.setattr(parallel, "_threads", 1)
+    alone = parallel.over_ranges(lambda first, last: (first * last, get_ident()), ranges)
+    monkeypatch.setattr(parallel, "_threads", 4)
+    together = parallel.over_ranges(lambda first, last: (first * last, get_ident()), ranges)
+    assert [value for value, _ in together] == [value for value, _ in alone]
+    assert get_ident() not in {thread for _, thread in together}
