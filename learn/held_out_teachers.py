@@ -26,7 +26,8 @@ class HeldOutTeachers:
     `met[n]` is how many trials of the teacher `people[n]` were known before trial n. Arms:
     `pooled`, one model for all teachers; `population`, the mode of the posterior given the trials
     known (of none: the mean teacher); `population, averaged`, the likelihood averaged over that posterior
-    instead; `own trials alone`, a fit to the trials known (of none: the model that fits start from).
+    instead; `own trials alone`, a fit to the trials known that starts from `pooled`, and stays there in
+    what they say nothing of.
     """
 
     log_likelihood: Mapping[str, Floats]
@@ -77,7 +78,7 @@ class _Left:
         kept = [trial for trial, fold in zip(self.trials, self.fold, strict=True) if fold != left_out]
         pooled = fit(kept, world, **self.options)
         population = fit_population(kept, world, pooled=pooled, **{"seed": self.seed, **self.population})
-        few = {**self.options, "initial": pooled.initial, "starts": FEW}
+        few = {**self.options, "initial": pooled.model, "starts": FEW}
         scores: dict[str, list[float]] = {POOLED: [], UPDATED: [], AVERAGED: []}
         if self.separate:
             scores[SEPARATE] = []
@@ -85,7 +86,7 @@ class _Left:
             trial, known = self.trials[n], self.known(int(n))
             models = {POOLED: pooled.model, UPDATED: population.teacher(known)}
             if self.separate:
-                models[SEPARATE] = fit(known, world, **few).model if known else pooled.initial
+                models[SEPARATE] = fit(known, world, **few).model if known else pooled.model
             for arm, model in models.items():
                 scores[arm].append(float(log_likelihoods([trial], world, model)[0]))
             scores[AVERAGED].append(population.log_predictive([trial], known))

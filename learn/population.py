@@ -21,7 +21,7 @@ from taskcomm.trials import Trial
 from taskcomm.wholefile import write_whole
 
 SCHEMA = "taskcomm.population/1"
-DRAWS = 2000
+DRAWS = 1000
 ALIKE = "may be alike"
 KEPT = ("task_prior", "labels", "dropped_mass")  # settings that say how trials are read
 

@@ -3,7 +3,7 @@
     python -m learn.population_study --out notebooks/results
 
 Teachers' coordinates (log odds of mistake and peaks, log rises, log falls) are drawn about one median
-teacher with a spread of 0, 0.3 or 0.6; each teaches eight trials, by turns with a planning robot that has
+teacher with a spread of 0, 0.3 or 0.6; each teaches six trials, by turns with a planning robot that has
 the intuitive model and with the scripted operator. Every teacher is left out of the fits in turn and then
 met trial by trial (`held_out_teachers`). With --shipped also the study of 22 teachers with two trials each in
 `datasets`. Nobody took part: every teacher and operator is a program.
@@ -34,7 +34,7 @@ from taskcomm.world import BallWorld
 
 WORLD = BallWorld()
 SPREADS = (0.6, 0.0, 0.3)
-TEACHERS, TRIALS = 20, 8
+TEACHERS, TRIALS, FOLDS, DRAWS = 20, 6, 4, 200
 SHIPPED = Path("datasets/simulated-study/trials.jsonl")
 
 
@@ -107,10 +107,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1)
     given = parser.parse_args(arguments)
-    names = [f"spread-{spread:g}" for spread in given.spreads] + ["shipped"] * given.shipped
+    names = [*["shipped"] * given.shipped, *(f"spread-{spread:g}" for spread in given.spreads)]
     for name in names:
         trials = _trials(name, given.teachers, given.trials, given.seed)
-        found = held_out_teachers(trials, seed=given.seed, jobs=given.jobs, starts=3)
+        found = held_out_teachers(
+            trials, folds=FOLDS, seed=given.seed, jobs=given.jobs, population={"draws": DRAWS}, starts=3
+        )
         rows = summary(found, {"study": name, "seed": given.seed})
         write_rows(rows, given.out / f"population-{name}.csv")
         write_rows(found.rows(), given.out / f"population-{name}-trials.csv")

@@ -15,7 +15,7 @@ from learn.held_out_teachers import POOLED, SEPARATE, UPDATED, held_out_teachers
 from learn.population import ALIKE
 from learn.population_study import drawn_teachers, median_teacher, study
 from taskcomm.robot import Robot
-from taskcomm.teacher import ModelError, TeacherModel
+from taskcomm.teacher import ModelError
 from taskcomm.trials import Trial
 
 TEACHERS, EACH = 5, 2
@@ -94,7 +94,8 @@ def test_the_order_of_trials_makes_no_difference() -> None:
 def test_a_population_file_gives_the_same_population(tmp_path: Path) -> None:
     population().save(tmp_path / "p.json")
     again = Population.load(tmp_path / "p.json")
-    assert again.to_dict() == population().to_dict()
+    assert json.dumps(again.to_dict()) == json.dumps(population().to_dict())
+    assert (again.model, again.pooled) == (population().model, population().pooled)
     assert again.teacher(own(1)) == population().teacher(own(1))
 
 
@@ -167,8 +168,8 @@ def test_held_out_teachers_are_met_trial_by_trial() -> None:
     for arm, values in found.log_likelihood.items():
         assert (values < 0).all(), arm
     first = found.met == 0
-    intuitive = [log_likelihood([trial], WORLD, TeacherModel.intuitive()) for trial in trials()]
-    np.testing.assert_allclose(found.log_likelihood[SEPARATE][first], np.array(intuitive)[first])
+    np.testing.assert_array_equal(found.log_likelihood[SEPARATE][first], found.log_likelihood[POOLED][first])
+    assert (found.log_likelihood[SEPARATE] != found.log_likelihood[POOLED])[~first].all()
     assert found.gain(UPDATED, 1).groups == TEACHERS
     assert found.gain(POOLED).estimate == 0
     assert [row["known"] for row in found.rows()] == found.met.tolist()
