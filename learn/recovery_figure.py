@@ -13,17 +13,18 @@ from learn.recovery_robots import INTUITIVE, TRUE, Row
 
 MARKS = "os^D"
 WIDEST = 8.0  # factors beyond this are drawn at the edge
-LOWEST = -2.5  # nats per trial below the intuitive model: what is lower is not drawn
+LOWEST = -2.5  # nats per trial against the intuitive model: what is lower is not drawn
 
 
 @styled
 def learning_curve(found: Sequence[Row]) -> Figure:
     """What learning gains over the intuitive model on fresh trials, by trials learned from; `curve_rows`."""
     truths = list(dict.fromkeys(row["truth"] for row in found))
-    figure = Figure(figsize=(3.5 * len(truths) + 0.6, 3.9))
+    figure = Figure(figsize=(max(5.4, 3.5 * len(truths) + 0.6), 3.9))
     panels = figure.subplots(1, len(truths), sharey=True, squeeze=False)[0]
     sources = list(dict.fromkeys(row["source"] for row in found))
     highest = 1.15 * max(max(row["gain_high"] for row in found), 0.2)
+    lowest = max(LOWEST, 1.15 * min(min(row["gain_low"] for row in found), -0.2))
     for ax, truth in zip(panels, truths, strict=True):
         for place, source in enumerate(sources):
             rows = sorted(_where(found, truth=truth, source=source), key=lambda row: row["size"])
@@ -37,7 +38,7 @@ def learning_curve(found: Sequence[Row]) -> Figure:
         _sizes_axis(
             ax, sorted({row["size"] for row in _where(found, truth=truth) if row["source"] != "loop"})
         )
-        ax.set_ylim(LOWEST, highest)
+        ax.set_ylim(lowest, highest)
     panels[0].set_ylabel("nats per trial above the intuitive model")
     panels[-1].legend(loc="lower right", handlelength=2.4)
     figure.suptitle("What learning gains on fresh trials. Simulated", fontsize=12, x=0.01, ha="left")

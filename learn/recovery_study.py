@@ -2,12 +2,13 @@
 
     python -m learn.recovery_study --rows recovery-results --out notebooks/results
 
-Nobody takes part: every teacher and every operator is a program. It takes the better part of an hour of one
+Nobody takes part: every teacher and every operator is a program. It takes about half an hour of one
 processor. Every fit and every trial of a robot is kept in --rows as soon as it is done: the same command goes
 on where it was stopped. The tables in --out (recovery-*.csv, recovery.json) are what the notebook reads.
 """
 
 import argparse
+import csv
 import json
 import platform
 import sys
@@ -63,8 +64,8 @@ PARTS = (
     Part(
         "others",
         ("hesitant", "intuitive"),
-        Plan(sizes=(2, 4, 8, 22, 44, 200), repeats=10, pool=600, options=OPTIONS),
-        robot_trials=100,
+        Plan(sizes=(2, 4, 8, 22, 44, 200), sources=("both",), repeats=10, pool=600, options=OPTIONS),
+        robot_trials=60,
     ),
 )
 
@@ -94,6 +95,24 @@ def write_tables(found: Sequence[Recovery], parts: Sequence[Part], out: Path) ->
         ],
     }
     (out / "recovery.json").write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
+
+
+def read_tables(folder: Path) -> dict[str, list[dict[str, Any]]]:
+    """The kept tables, by name, as rows of plain values: what the figures of a recovery take."""
+    tables = {}
+    for table in TABLES:
+        with (folder / f"recovery-{table}.csv").open(encoding="utf-8", newline="") as file:
+            tables[table] = [{k: _value(text) for k, text in row.items()} for row in csv.DictReader(file)]
+    return tables
+
+
+def _value(text: str) -> int | float | str:
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
 
 
 def _short(row: dict[str, Any]) -> dict[str, Any]:
