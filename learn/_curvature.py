@@ -283,23 +283,22 @@ def _best_quiet(lattice: Any, layer: int, origin: int, mistake: float, peak: Any
 
 @_kernel
 def _event(
-    lattice: Any, event: Any, layer: int, s: int, reason: int, origin: int, mistake: float, peak: Any,
-    column: Any, to: Any,
+    lattice: Any, layer: int, s: int, reset: int, origin: int, mistake: float, peak: Any, column: Any, to: Any
 ) -> tuple[float, int, int]:  # fmt: skip
-    """P(reason and what was observed) at the event that ends a layer, in memory s, and its derivatives."""
-    end = lattice.layer_press[layer]
-    if reason > 0:
-        scale, at = event[layer, 1 + reason], lattice.memory_base[s, reason - 1] + end - origin
-        count, bends = _approval(scale, reason - 1, at, peak, column, to, 0, 0)
-        return scale * peak[reason - 1] * to.share[at], count, bends
-    value, count, bends = event[layer, 1] * mistake, 0, 0
+    """P(that reset, what is observed | memory s) at the event of a layer, and its derivatives."""
+    event, end = lattice.event[layer], lattice.layer_press[layer]
+    if reset > 0:
+        scale, at = event[1 + reset], lattice.memory_base[s, reset - 1] + end - origin
+        count, bends = _approval(scale, reset - 1, at, peak, column, to, 0, 0)
+        return scale * peak[reset - 1] * to.share[at], count, bends
+    value, count, bends = event[1] * mistake, 0, 0
     if column[0] >= 0:
         to.by[0] = column[0]
-        to.rate[0] = event[layer, 1] - event[layer, 0]
+        to.rate[0] = event[1] - event[0]
         count = 1
-    if event[layer, 0] > 0.0:
+    if event[0] > 0.0:
         waiting, count, bends = _waiting(
-            event[layer, 0], s, end, lattice, origin, mistake, peak, column, to, count, bends
+            event[0], s, end, lattice, origin, mistake, peak, column, to, count, bends
         )
         value += waiting
     return value, count, bends
@@ -307,14 +306,13 @@ def _event(
 
 @_kernel
 def curve(
-    lattice: Any, event: Any, first: int, last: int, dt: float, mistake: float, peak: Any, rise: Any,
-    fall: Any, late: Any, part: Any, decay: Any, hold: Any, column: Any, to: Any, log_likelihood: Any,
-    score: Any, hessian: Any,
+    lattice: Any, first: int, last: int, dt: float, mistake: float, peak: Any, rise: Any, fall: Any,
+    late: Any, part: Any, decay: Any, hold: Any, column: Any, to: Any, log_likelihood: Any, score: Any,
+    hessian: Any,
 ) -> None:  # fmt: skip
     """Log-likelihoods of the units, (units,), with first (units, n) and second derivatives (units, n, n).
 
-    `column[i]` is the place of natural parameter i among the n, or -1 where its derivatives are not
-    wanted; `event` (layers, 2 + M) is P(observation | M) at the event that ends a layer.
+    `column[i]` is the place of natural parameter i among the n, or -1 where its derivatives are not wanted.
     """
     states, size = len(peak), len(to.quiet_rates)
     for u in range(first, last):
@@ -336,12 +334,10 @@ def curve(
                     _enter(1.0, 0, 0, now, s - begin, onward, 0, to)
                     total += to.weight[now, s - begin]
                     continue
-                for reason in range(states + 1):
-                    after = lattice.memory_next[s, reason]
+                for reset in range(states + 1):
+                    after = lattice.memory_next[s, reset]
                     if after >= 0:
-                        p, count, bends = _event(
-                            lattice, event, layer, s, reason, origin, mistake, peak, column, to
-                        )
+                        p, count, bends = _event(lattice, layer, s, reset, origin, mistake, peak, column, to)
                         _enter(p, count, bends, now, s - begin, onward, after - end, to)
                         total += to.weight[now, s - begin] * p
             answer += best + (math.log(total) if total > 0.0 else -math.inf)

@@ -46,7 +46,8 @@ def uncertainty(
     and standard errors on the scale of the coordinate (log odds, logarithms), for the parameters that
     have them. "bootstrap": percentiles of fits to `resamples` draws of teachers (`participant_id`; a
     trial without one counts as a teacher). Only this one, and `robust_error`, allow for teachers who
-    differ. `weights` are those of the fit. `progress(done, total)` is called as parts finish.
+    differ. All hold the observation model as it was learned. `weights` are those of the fit.
+    `progress(done, total)` is called as parts finish.
 
     Raises FitError for trials that are not those of the fit, ValueError for other bad arguments.
 
@@ -67,7 +68,7 @@ def uncertainty(
         raise ValueError(f"level: must be above 0 and below 1, not {level!r}")
     trials = trials_given(trials, "uncertainty")
     world = trials[0].world if world is None else world
-    objective = prepare(trials, world, result.initial, result.settings, weights)
+    objective = prepare(trials, world, result.model, replace(result.settings, observe=()), weights)
     if objective.evidence.exposure.hashes != result.trial_hashes:
         raise FitError("trials: not those of the fit, or in another order")
     centre = objective.space.point(vector_of(result.model))

@@ -53,6 +53,7 @@ class Plan:
     methods: tuple[Method, ...] = ("likelihood", "wald")
     resamples: int = 200
     level: float = 0.95
+    starts: int = 3
 
     def study(self, number: int) -> tuple[Trial, ...]:
         """The trials of study `number`, always the same for a seed."""
@@ -93,7 +94,7 @@ class StudyOf:
     def __call__(self, number: int) -> None:
         plan = self.plan
         trials = plan.study(number)
-        result = fit(trials, WORLD)
+        result = fit(trials, WORLD, starts=plan.starts)
         row: dict[str, Any] = {
             "study": number,
             "converged": result.converged,

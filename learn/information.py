@@ -48,8 +48,8 @@ def curvature(evidence: Evidence, parameters: Parameters, wanted: Bools | None =
     of_units, rates = np.zeros(units), np.zeros((units, len(kept)))
     bends = np.zeros((units, len(kept), len(kept)))
     _curvature.curve(
-        lattice, _event(lattice, states), 0, units, p.dt, p.mistake, p.peak, p.rise, p.fall, p.steps_late,
-        p.part_late, p.decay, p.hold, column, _buffers(lattice, states, len(kept)), of_units, rates, bends,
+        lattice, 0, units, p.dt, p.mistake, p.peak, p.rise, p.fall, p.steps_late, p.part_late, p.decay,
+        p.hold, column, _buffers(lattice, states, len(kept)), of_units, rates, bends,
     )  # fmt: skip
     expectation = evidence.expect(p)  # P(tasks of the unit | trial)
     log_likelihood, share = expectation.log_likelihood, expectation.unit
@@ -63,13 +63,6 @@ def curvature(evidence: Evidence, parameters: Parameters, wanted: Bools | None =
     hessian[np.ix_(kept, kept)] = bent - (of_trials * weight[:, None]).T @ of_trials
     score[:, kept] = of_trials
     return Curvature(log_likelihood, score, hessian)
-
-
-def _event(lattice: Lattice, states: int) -> Floats:
-    """P(observation | M) at the event that ends each layer: a press, which no waiting gives."""
-    event = np.ones((len(lattice.layer_first), 2 + states))
-    event[:, 0] = 0.0
-    return event
 
 
 def _buffers(lattice: Lattice, states: int, size: int) -> Any:

@@ -16,11 +16,11 @@ from learn.mstep import Objective
 from learn.optimum import breakpoints
 from taskcomm.lattice import Floats
 
-STEPS, GAIN = 40, 2e-4  # of each climb, in nats
+STEPS, GAIN = 30, 1e-3  # of each climb, in nats
 CLOSE = 0.01  # of the drop to the one asked for, in nats
 BEYOND = 2.0  # nats below it at which no separate piece is looked for any more
 MOST_POINTS = 60
-LOOKS, ASIDE, AGAIN = 4, (0.1, 0.5, 1.0, 0.5, 1.0), 0.03
+LOOKS, GRID, BEST, AGAIN = 4, 10, 2, 0.03
 LIMITS_AT_REST = ("delay", "hold")  # whose least value, 0, ends them; others are open there
 SLOPE = 0.05
 
@@ -153,14 +153,14 @@ class Profile:
         self._step = 0.5 / math.sqrt(left) if left > 1.0 else 0.5
         self._start = self.slice.value(self.centre)
 
-    def _best(self, value: float, rest: Floats) -> Visit:
+    def _best(self, value: float, rest: Floats, steps: int = STEPS, gain: float = GAIN) -> Visit:
         """The place with `value` held and the rest at their best, climbing from `rest`."""
         inside = self.slice
         function = inside.at(value)
         climb: Climb = climb_from(function, np.clip(rest, inside.least, inside.most))
         climb.metric = self._metric
         if math.isfinite(climb.value):
-            climb = ascend(function, climb, inside.least, inside.most, STEPS, GAIN)
+            climb = ascend(function, climb, inside.least, inside.most, steps, gain)
         drop = self.top - climb.value
         self.above = max(self.above, -drop)
         self.values.append(value)
@@ -209,12 +209,32 @@ class Profile:
         return inside, outside
 
     def _looked_again(self, at: Visit) -> Visit:
-        """The same place, the rest climbed to from several points aside, if that is better."""
-        rng, best = np.random.default_rng(len(self.values)), at
-        for aside in ASIDE:
-            start = at.rest + rng.normal(0, aside, len(at.rest))
-            best = min(best, self._best(at.value, start), key=lambda visit: visit.drop)
-        return best
+        """The same place, the rest climbed to from elsewhere, if that is better.
+
+        What is missed is mostly a rise or fall across breakpoints: the best of moving each of them anywhere
+        are climbed from, and one random point.
+        """
+        function = self.slice.at(at.value)
+        starts = [at.rest + np.random.default_rng(len(self.values)).normal(0, 0.5, len(at.rest))]
+        moved = []
+        for i in self._doubtful():
+            for value in np.linspace(self.slice.least[i], self.slice.most[i], GRID):
+                start = at.rest.copy()
+                start[i] = value
+                moved.append((function(start)[0], start))
+        starts += [start for _, start in sorted(moved, key=lambda pair: -pair[0])[:BEST]]
+        return min((at, *(self._best(at.value, start) for start in starts)), key=lambda visit: visit.drop)
+
+    def _doubtful(self) -> list[int]:
+        """The places in the rest of the times of the held parameter's state; of all states for mistake."""
+        space, inside = self.slice.objective.space, self.slice
+        state = (space.index - 1) % space.states
+        own = inside.held < len(space.odds) and space.index[inside.held] == 0
+        return [
+            place
+            for place, i in enumerate(inside.keep)
+            if space.kinds[i] != "odds" and (own or state[i] == state[inside.held])
+        ]
 
     def _open(self, inside: Visit, direction: int) -> End:
         kind = self.slice.objective.space.kinds[self.slice.held]
