@@ -15,6 +15,7 @@ _HOME = {
     "FitResult": "learn.result",
     "MistakePrior": "learn.mstep",
     "Population": "learn.population",
+    "Uncertainty": "learn.intervals",
     "compare_models": "learn.compare",
     "fit": "learn.em",
     "fit_population": "learn.empirical_bayes",
@@ -23,11 +24,13 @@ _HOME = {
     "responsibilities": "learn.estep",
     "run_closed_loop": "learn.closed_loop",
     "trial_hash": "learn.exposure",
+    "uncertainty": "learn.certainty",
 }
 __all__ = [*sorted(_HOME)]
 
 if TYPE_CHECKING:
     from learn.certificate import Certificate as Certificate
+    from learn.certainty import uncertainty as uncertainty
     from learn.closed_loop import ClosedLoop as ClosedLoop
     from learn.closed_loop import run_closed_loop as run_closed_loop
     from learn.compare import Comparison as Comparison
@@ -40,6 +43,7 @@ if TYPE_CHECKING:
     from learn.estep import responsibilities as responsibilities
     from learn.exposure import FitError as FitError
     from learn.exposure import trial_hash as trial_hash
+    from learn.intervals import Uncertainty as Uncertainty
     from learn.mstep import MistakePrior as MistakePrior
     from learn.population import Population as Population
     from learn.result import FitResult as FitResult
