@@ -29,8 +29,8 @@ _HOME = {
 __all__ = [*sorted(_HOME)]
 
 if TYPE_CHECKING:
-    from learn.certificate import Certificate as Certificate
     from learn.certainty import uncertainty as uncertainty
+    from learn.certificate import Certificate as Certificate
     from learn.closed_loop import ClosedLoop as ClosedLoop
     from learn.closed_loop import run_closed_loop as run_closed_loop
     from learn.compare import Comparison as Comparison
