@@ -104,6 +104,7 @@ def fit_population(
         "trials": len(trials),
         "trial_sha256": sorted(pooled.trial_hashes),
     }
+    search.modes = []  # the teachers of the result are found from the mean, as any teacher met later is
     points, log_ratio = stacked(search.draws(most_rounds, normal, LAST * draws))
     weighed = weigh(points, log_ratio, normal)
     return Population(
@@ -159,16 +160,17 @@ class _Search:
 
     def __init__(self, owns: Sequence[Own], aim: Aim, seed: int) -> None:
         self.owns, self.aim, self.seed = owns, aim, seed
-        self.modes = [aim.centre] * len(owns)
+        self.modes: list[Floats] = []
 
     def draws(self, number: int, normal: Normal, count: int) -> list[Draws]:
         """Draws of every teacher, made about the posterior under `normal`, whose modes are kept."""
-        made = []
-        for i, own in enumerate(self.owns):
-            about = laplace(own, normal, [self.modes[i]])
-            self.modes[i] = about.mean
-            made.append(draw(own, normal, about, count, np.random.default_rng([self.seed, number, i])))
-        return made
+        starts = [[mode] for mode in self.modes] or [[normal.mean] for _ in self.owns]
+        about = [laplace(own, normal, start) for own, start in zip(self.owns, starts, strict=True)]
+        self.modes = [each.mean for each in about]
+        return [
+            draw(own, normal, each, count, np.random.default_rng([self.seed, number, i]))
+            for i, (own, each) in enumerate(zip(self.owns, about, strict=True))
+        ]
 
     def round(self, number: int, normal: Normal, count: int) -> tuple[Normal, float, float]:
         """The population after one more round, how far it moved (in spreads), and the log-marginal."""

@@ -82,6 +82,7 @@ class _Left:
         scores: dict[str, list[float]] = {POOLED: [], UPDATED: [], AVERAGED: []}
         if self.separate:
             scores[SEPARATE] = []
+        so_far: dict[str, float] = {}
         for n in np.flatnonzero(self.fold == left_out):
             trial, known = self.trials[n], self.known(int(n))
             models = {POOLED: pooled.model, UPDATED: population.teacher(known)}
@@ -89,7 +90,9 @@ class _Left:
                 models[SEPARATE] = fit(known, world, **few).model if known else pooled.model
             for arm, model in models.items():
                 scores[arm].append(float(log_likelihoods([trial], world, model)[0]))
-            scores[AVERAGED].append(population.log_predictive([trial], known))
+            together = population.log_predictive([*known, trial])
+            scores[AVERAGED].append(together - so_far.get(self.people[n], 0.0))
+            so_far[self.people[n]] = together
         return scores
 
     def known(self, n: int) -> list[Trial]:

@@ -2,8 +2,9 @@
 
 What a teacher's trials say is smooth only piecewise (MODEL.md, section 7), so the curvature at the mode
 may be that of one side of a kink, or none. Here it is taken over a secant as long as the prior is wide,
-which sees a kink as the bend that it is at that scale. The result is where draws are made (`draws`),
-which are then weighed by the exact likelihood; it is not relied on to be right.
+which sees a kink as the bend that it is at that scale. The result is where draws are made (`learn.draws`),
+which are then weighed by the exact likelihood; it is not relied on to be right. On the shipped study it gives
+posterior variances 0 to 5% too small; EM that took it at its word found spreads up to a quarter too small.
 """
 
 from collections.abc import Sequence
@@ -59,7 +60,7 @@ class Own:
 def posterior_mode(own: Own, prior: Normal, starts: Sequence[Floats] = ()) -> tuple[Floats, float]:
     """Where log-likelihood + log prior density is greatest, and how great (prior up to a constant).
 
-    Climbs from the mean of the prior, which must lie within the bounds, and from `starts`.
+    Climbs from `starts`, by default from the mean of the prior.
     """
 
     def posterior(point: Floats) -> tuple[float, Floats]:
@@ -68,7 +69,7 @@ def posterior_mode(own: Own, prior: Normal, starts: Sequence[Floats] = ()) -> tu
         return value - float(pull @ (point - prior.mean)) / 2, rates - pull
 
     best, best_value = prior.mean, -np.inf
-    for start in (prior.mean, *starts):
+    for start in starts or (prior.mean,):
         climb = climb_from(posterior, np.clip(start, own.least, own.most))
         for _ in range(2):  # once more with a new metric: a climb may be stuck at a kink
             climb.metric = None

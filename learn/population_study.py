@@ -34,7 +34,7 @@ from taskcomm.world import BallWorld
 
 WORLD = BallWorld()
 SPREADS = (0.6, 0.0, 0.3)
-TEACHERS, TRIALS, FOLDS, DRAWS = 20, 6, 4, 200
+TEACHERS, TRIALS, FOLDS, DRAWS = 20, 6, 4, 100
 SHIPPED = Path("datasets/simulated-study/trials.jsonl")
 
 
@@ -111,7 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in names:
         trials = _trials(name, given.teachers, given.trials, given.seed)
         found = held_out_teachers(
-            trials, folds=FOLDS, seed=given.seed, jobs=given.jobs, population={"draws": DRAWS}, starts=3
+            trials, folds=FOLDS, seed=given.seed, jobs=given.jobs, population={"draws": DRAWS}, starts=2
         )
         rows = summary(found, {"study": name, "seed": given.seed})
         write_rows(rows, given.out / f"population-{name}.csv")
