@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import logsumexp
 
 from learn.ascent import Climb, ascend, climb_from
 from learn.mstep import Objective
@@ -81,10 +80,11 @@ class Slice:
     def slopes(self, point: Floats) -> Floats:
         """How the held coordinate must move with each of the rest."""
         slopes = np.zeros(len(point))
-        if self._odds is not None:
-            slopes[self._odds] = np.exp(point[self._odds] - _log_all_else(point[self._odds]))
-            if self.over is not None:
-                slopes[self.over] = self.stretch(point)
+        if self._odds is None:
+            return slopes[1:]
+        slopes[self._odds] = np.exp(point[self._odds] - _log_all_else(point[self._odds]))
+        if self.over is not None:
+            slopes[self.over] = self.stretch(point)
         return slopes[self.keep]
 
     def stretch(self, point: Floats) -> float:
@@ -108,7 +108,9 @@ def _log_odds(p: float, room: float) -> float:
 
 
 def _log_all_else(odds: Floats) -> float:
-    return float(logsumexp(np.append(odds, 0.0)))
+    """log(1 + sum of exp(odds)), without overflow."""
+    top = max(0.0, *odds.tolist()) if len(odds) else 0.0
+    return top + math.log(math.exp(-top) + float(np.exp(odds - top).sum()))
 
 
 @dataclass
