@@ -25,7 +25,7 @@ from taskcomm.belief import Belief, entropy
 from taskcomm.beliefrows import alike
 from taskcomm.levels import Bools, Floats, advance, approval_probability
 from taskcomm.observation import Observer
-from taskcomm.outcomes import capacity, distinct_outcomes, xlogx
+from taskcomm.outcomes import capacity, distinct_outcomes
 from taskcomm.teacher import Parameters, TeacherModel
 from taskcomm.world import World
 
@@ -187,18 +187,25 @@ class _Search:
         moves = self.tree.moves(state)
         ahead = self._ahead(node, moves.cues[:, :, self.tasks])
         self.nodes += len(node.weight)
-        result = np.empty((len(moves.states), len(node.weight)))
-        for action, reached in enumerate(moves.states):
+        result = self._costs_after(node, ahead)
+        for action, reached in enumerate(moves.states if horizon > 1 else ()):
             if time.perf_counter() >= self.until:
                 raise _OutOfTime
             after = [part[action] for part in ahead]
-            likely = np.einsum("rs,ors->or", after[2], self.table[:, node.task])
-            result[action] = _cost_after(node, likely)
-            if horizon > 1:
-                for pressed in np.unique(self.pressed).tolist():
-                    child = self._child(node, *after, pressed=pressed)
-                    least = self.values(child, reached, horizon - 1).min(axis=0)
-                    result[action] += self.gamma * least.reshape(len(node.weight), -1).sum(axis=1)
+            for pressed in np.unique(self.pressed).tolist():
+                child = self._child(node, *after, pressed=pressed)
+                least = self.values(child, reached, horizon - 1).min(axis=0)
+                result[action] += self.gamma * least.reshape(len(node.weight), -1).sum(axis=1)
+        return result
+
+    def _costs_after(self, node: _Node, ahead: _Ahead) -> Floats:
+        """sum_o C(w_o) after every action of every belief, (actions, beliefs)."""
+        from taskcomm import _branches  # numba is loaded, and the kernel compiled, only when it is needed
+
+        result = np.empty((len(ahead.mental), len(node.weight)))
+        begins = np.append(np.flatnonzero(np.diff(node.task, prepend=-1)), len(node.task))
+        likely = np.empty((len(self.table), len(node.task)))
+        _branches.costs_after(begins, node.task, node.weight, ahead.mental, self.table, likely, result)
         return result
 
     def _ahead(self, node: _Node, cues: Bools) -> _Ahead:
@@ -238,13 +245,6 @@ class _Search:
         first = order[starts]
         since = 0 if pressed else node.since_press + 1
         return _Node(task[first], level[first], on_time[first], weight, seen, since)
-
-
-def _cost_after(node: _Node, likely: Floats) -> Floats:
-    """sum_o C(w_o) of every belief, `likely` (outcomes, rows) being P(outcome) of each row."""
-    begins = np.flatnonzero(np.diff(node.task, prepend=-1))
-    by_task = np.add.reduceat(node.weight[:, None] * likely, begins, axis=2)
-    return np.asarray((xlogx(by_task.sum(axis=2)) - xlogx(by_task).sum(axis=2)).sum(axis=1))
 
 
 def _grouped(belief: Belief, groups: list[list[int]]) -> tuple[_Node, float]:
