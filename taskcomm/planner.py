@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import Any, NamedTuple
 
@@ -70,7 +70,7 @@ class Decision:
         if self.asked is None:
             raise ValueError(f"this decision for {self.action} was made by no planner: it has no plan")
         planner, belief, state = self.asked
-        if not planner.model.observation.is_exact_key:
+        if planner._tree is not None:
             raise ValueError(
                 "explanations are of plans over an exact key; this model's teacher shows otherwise"
             )
@@ -91,8 +91,11 @@ class EntropyPlanner:
     that is more than `memory` bytes; it may be used for any number of beliefs and trials, from one thread at
     a time. Where the model's key errs or it has channels of signals, the tree branches over all that may be
     observed (`taskcomm.branching`), which takes much longer; a continuous channel is left aside, with an
-    UnplannedChannel warning. Raises ValueError for a bad horizon, gamma, ties or memory, and ModelError for a
-    cue or a role that the world does not have.
+    UnplannedChannel warning. With `signals=False` all channels are: the planner looks ahead over the key
+    alone, further in the same time, under beliefs that know the signals all the same.
+
+    Raises ValueError for a bad horizon, gamma, ties or memory, and ModelError for a cue or a role that the
+    world does not have.
 
     >>> from taskcomm.world import BallWorld
     >>> world, model = BallWorld(), TeacherModel.intuitive()
@@ -113,8 +116,9 @@ class EntropyPlanner:
         ties: str = "first",
         seed: int | None = None,
         memory: int = GRAPH_MEMORY,
+        signals: bool = True,
     ) -> None:
-        seen = model.observation
+        seen = model.observation if signals else replace(model.observation, channels={})
         branches = bool(seen.discrete or seen.miss or seen.false_press)
         horizon = (HORIZON if branches else 5) if horizon is None else horizon
         if isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 1:
@@ -129,7 +133,7 @@ class EntropyPlanner:
         if seen.continuous:
             named = ", ".join(seen.continuous)
             warnings.warn(UnplannedChannel(f"planning leaves aside {named}: continuous"), stacklevel=2)
-        self._tree = BranchingTree(world, model) if branches else None
+        self._tree = BranchingTree(world, replace(model, observation=seen)) if branches else None
         parameters = model.parameters(world.cue_names)
         worth = parameters.peak * parameters.dt / parameters.rise
         self._graph = WorldGraph(world, parameters.cue, worth, horizon, memory)

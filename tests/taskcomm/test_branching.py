@@ -15,6 +15,7 @@ from trees import EXACT, assert_decides_as
 from taskcomm.belief import Belief, entropy
 from taskcomm.branching import HORIZON, BranchingTree
 from taskcomm.channels import NormalChannel, ObservationModel, PlainChannel, TargetChannel
+from taskcomm.observation import Observer
 from taskcomm.planner import EntropyPlanner, UnplannedChannel
 from taskcomm.robot import Robot
 from taskcomm.teacher import TeacherModel
@@ -164,6 +165,22 @@ def test_continuous_channels_are_left_aside_and_that_is_said() -> None:
         planner = EntropyPlanner(world, model, 2)
     values = planner.plan(Belief.initial(world, model), world.start(), exact_values=True).values
     assert values == pytest.approx(_values(world, INTUITIVE, 2), abs=EXACT)
+
+
+def test_a_planner_without_signals_looks_ahead_over_the_key_alone() -> None:
+    """Under a belief that knows the looks: the values of the key's own tree from that belief."""
+    world = BallWorld(2, 1)
+    for model in (gazing(), gazing(miss=0.2, false_press=0.01)):
+        key_alone = replace(model, observation=replace(model.observation, channels={}))
+        belief, state = Belief.initial(world, model), world.step(world.start(), Action.parse("light_on(1)"))
+        belief = belief.update(state, False, {"gaze": "1"})
+        bare = replace(belief, model=key_alone, observer=Observer(world, key_alone))
+        planner = EntropyPlanner(world, model, 2, signals=False)
+        assert_decides_as(branching_tree(bare, state, 2), planner, belief, state)
+        if model.observation.miss == 0:
+            assert planner.horizon == 2
+            assert EntropyPlanner(world, model, signals=False).horizon == 5
+            assert planner.plan(belief, state).explain().root.action == planner.plan(belief, state).action
 
 
 def test_a_planner_and_a_robot_look_less_far_where_more_is_observed() -> None:
