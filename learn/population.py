@@ -11,7 +11,7 @@ import numpy as np
 
 from learn.coordinates import Bounds, vector_of
 from learn.draws import Posterior, posterior
-from learn.exposure import trial_hash
+from learn.exposure import FitError, trial_hash
 from learn.laplace import laplace
 from learn.normal import Normal
 from learn.settings import Settings
@@ -96,10 +96,13 @@ class Population:
     ) -> TeacherModel:
         """The model of a teacher met in `trials`, all of the one teacher; the mean teacher where none were.
 
-        At the mode of the posterior, or at its mean, which rests on draws. Raises FitError for trials that
-        the model cannot be applied to, see `expose`.
+        At the mode of the posterior, or at its mean, which rests on draws. Raises FitError for trials of two
+        teachers, and for trials that the model cannot be applied to, see `expose`.
         """
         trials = tuple(trials)
+        people = sorted({trial.participant_id for trial in trials if trial.participant_id is not None})
+        if len(people) > 1:
+            raise FitError(f"trials of {len(people)} teachers, {', '.join(people)}: one at a time is met")
         if not trials:
             return self.model
         own = self.space.own(trials)

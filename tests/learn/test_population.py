@@ -156,6 +156,8 @@ def test_trials_of_one_teacher_and_too_few_for_a_full_covariance_are_refused() -
 def test_trials_that_a_population_cannot_be_applied_to_are_refused() -> None:
     with pytest.raises(FitError, match=r"dt = 0\.25 s in the trials"):
         population().teacher([replace(own(0)[0], dt=0.25)])
+    with pytest.raises(FitError, match="trials of 2 teachers, teacher 1, teacher 3: one at a time"):
+        population().teacher([*own(3), *own(1)])
     with pytest.raises(ValueError, match="estimate: must be"):
         population().teacher(own(0), estimate="median")  # type: ignore[arg-type]
 
@@ -183,6 +185,16 @@ def test_a_shared_delay_is_one_coordinate() -> None:
     again = Population.from_dict(json.loads(json.dumps(found.to_dict())))
     assert again.space.names == found.space.names
     assert len({top.delay for top in again.teacher(own(0)).approvals.values()}) == 1
+
+
+def test_trials_without_a_participant_are_teachers_of_their_own_who_may_vary_together() -> None:
+    nobody = [replace(trial, participant_id=None) for trial in trials()]
+    quick: dict[str, Any] = {"starts": 1, "search": False, "draws": 20, "most_rounds": 2}
+    found = fit_population(nobody, WORLD, full=True, **quick)
+    assert [teacher.name for teacher in found.teachers] == sorted(f"trial {t.trial_id}" for t in nobody)
+    aside = found.normal.covariance - np.diag(np.diag(found.normal.covariance))
+    assert np.abs(aside).max() > 1e-3
+    assert np.linalg.eigvalsh(found.normal.covariance).min() > 0
 
 
 @pytest.mark.verify
