@@ -14,7 +14,7 @@ from learn.exposure import FitError, trials_given
 from learn.information import Information, information
 from learn.intervals import How, Method, ParameterInterval, Uncertainty
 from learn.mstep import Objective
-from learn.profile import Profile, Slice
+from learn.profile import CLOSE, Profile, Slice
 from learn.resampling import groups_of, resampled
 from learn.result import FitResult
 from taskcomm.lattice import Bools, Floats
@@ -92,7 +92,7 @@ def uncertainty(
 
 @dataclass(frozen=True)
 class Limits:
-    """An interval in natural parameters; `above` as in `Uncertainty`."""
+    """An interval in natural parameters; `above` and `within` (places, 1 + 6 M) are those of `Profile`."""
 
     low: float
     high: float
@@ -100,6 +100,7 @@ class Limits:
     open_low: bool = False
     open_high: bool = False
     above: float = 0.0
+    within: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -116,9 +117,9 @@ class Walk:
         along = Slice(self.objective, *item)
         profile = Profile(along, self.centre, top, self.bend)
         low, high = profile.end(-1, self.drop), profile.end(1, self.drop)
-        return Limits(
-            along.natural(low.point), along.natural(high.point), "profile", low.open, high.open, profile.above
-        )
+        ends = (along.natural(low.point), along.natural(high.point))
+        within = profile.within(self.drop + CLOSE)
+        return Limits(*ends, "profile", low.open, high.open, profile.above, within)
 
 
 @dataclass(frozen=True)
@@ -170,7 +171,9 @@ class _Intervals:
     def profiled(self, items: Sequence[Held], found: Sequence[Limits], level: float) -> Uncertainty:
         limits = {name: each for item, each in zip(items, found, strict=True) for name in self.named(item)}
         above = max((each.above for each in found), default=0.0)
-        return self.assembled(limits, "likelihood", level, above=above)
+        within = [each.within for each in found if each.within is not None and len(each.within)]
+        draws = np.concatenate([vector_of(self.result.model)[None], *within])
+        return self.assembled(limits, "likelihood", level, above, draws)
 
     def errors(self) -> tuple[Floats, Floats]:
         """Standard errors of the natural parameters, and those that allow for teachers who differ."""
@@ -216,7 +219,7 @@ class _Intervals:
             intervals.append(interval)
         return Uncertainty(
             method, level, len(set(self.groups)), tuple(intervals), above,
-            None if draws is None else len(draws), seed, draws,
+            len(draws) if method == "bootstrap" and draws is not None else None, seed, draws,
         )  # fmt: skip
 
 

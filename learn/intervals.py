@@ -65,8 +65,9 @@ class Uncertainty:
 
     `method` and, for the bootstrap, `resamples` and `seed` say how they were made; `teachers` is how many
     there were. `above` (nats) is how much more likely a point beside the fit was found to be: above 0.01
-    the fit was not at its best. `draws` (resamples, 1 + 6 M) are the fits of the bootstrap; not kept in
-    files.
+    the fit was not at its best. `draws` (any number, 1 + 6 M) are natural parameters as far out as the
+    intervals reach: the fits of the bootstrap, or the places at most the drop down that the profiles
+    visited. They are not kept in files.
     """
 
     method: Method

@@ -37,6 +37,7 @@ STYLE: Any = {
 }
 
 
+Band = Callable[[str, Floats, str], tuple[Floats, Floats]]  # of a mental state, seconds, a cue on or off
 Drawing = ParamSpec("Drawing")
 Drawn = TypeVar("Drawn")
 
@@ -90,22 +91,28 @@ def table_top(
     *,
     seconds: float = 6.0,
     truths: Sequence[TeacherModel] = (),
+    bands: Mapping[str, Band] | None = None,
 ) -> Axes:
     """The table-top of one mental state under each model, since its cue went `on` or `off`.
 
-    `truths` are drawn thin and grey behind. A model without the state is left out.
+    `truths` are drawn thin and grey behind. A model without the state is left out. `bands` are drawn behind
+    the models that they are named for, see `learn.bands`.
     """
     ax = axes_or_new(ax)
     since = np.linspace(-0.5, seconds, 400)
     for place, truth in enumerate(truths):
         if state in truth.approvals:
             label = "true teachers" if place == 0 else None
-            line = _table_top_line(truth.approvals[state], since, cue)
+            line = table_top_line(truth.approvals[state], since, cue)
             ax.plot(since, line, color="0.8", linewidth=0.8, zorder=1, label=label)
     for place, (name, model) in enumerate(models.items()):
         if state in model.approvals:
-            line = _table_top_line(model.approvals[state], since, cue)
+            line = table_top_line(model.approvals[state], since, cue)
             ax.plot(since, line, label=name, linewidth=2.2, zorder=3, **style_of(place))
+            if bands is not None and name in bands:
+                low, high = bands[name](state, since, cue)
+                colour = style_of(place)["color"]
+                ax.fill_between(since, low, high, color=colour, alpha=0.2, linewidth=0, zorder=2)
     ax.axvline(0, color="0.6", linewidth=0.8, zorder=0)
     ax.set_xlim(since[0], since[-1])
     ax.set_ylim(bottom=0)
@@ -113,7 +120,8 @@ def table_top(
     return ax
 
 
-def _table_top_line(top: TableTop, since: Floats, cue: str) -> Floats:
+def table_top_line(top: TableTop, since: Floats, cue: str) -> Floats:
+    """P(M = m) some seconds after, or with a negative number before, its cue went `on` or `off`."""
     before = 0.0 if cue == "on" else top.peak
     return np.where(since < 0, before, approval_after(top, np.maximum(since, 0), cue))
 

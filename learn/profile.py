@@ -135,16 +135,14 @@ class Visit(NamedTuple):
 class Profile:
     """The log-likelihood over one parameter, the rest at their best: walked outward from an optimum.
 
-    `values` and `drops` are what was visited; `above` is how much higher than the optimum some point was.
+    `visits` are the places that were climbed to.
     """
 
     slice: Slice
     centre: Floats
     top: float
     bend: Floats
-    values: list[float] = field(default_factory=list)
-    drops: list[float] = field(default_factory=list)
-    above: float = 0.0
+    visits: list[Visit] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         inner = self.slice.bend(self.centre, self.bend)
@@ -163,11 +161,19 @@ class Profile:
         climb.metric = self._metric
         if math.isfinite(climb.value):
             climb = ascend(function, climb, inside.least, inside.most, steps, gain)
-        drop = self.top - climb.value
-        self.above = max(self.above, -drop)
-        self.values.append(value)
-        self.drops.append(drop)
-        return Visit(value, drop, climb.point)
+        self.visits.append(Visit(value, self.top - climb.value, climb.point))
+        return self.visits[-1]
+
+    @property
+    def above(self) -> float:
+        """How much higher than the optimum some place was, in nats: more than a little, and it was none."""
+        return max(0.0, *(-visit.drop for visit in self.visits))
+
+    def within(self, drop: float) -> Floats:
+        """The natural parameters of the places visited that are at most `drop` down, (places, 1 + 6 M)."""
+        vector, point = self.slice.objective.space.vector, self.slice.point
+        inside = [visit for visit in self.visits if visit.drop <= drop]
+        return np.array([vector(point(v.value, v.rest)) for v in inside]).reshape(len(inside), -1)
 
     def end(self, direction: int, drop: float) -> End:
         """Where the log-likelihood is last `drop` nats below the optimum, going up (1) or down (-1).
@@ -217,7 +223,7 @@ class Profile:
         are climbed from, and one random point.
         """
         function = self.slice.at(at.value)
-        starts = [at.rest + np.random.default_rng(len(self.values)).normal(0, 0.5, len(at.rest))]
+        starts = [at.rest + np.random.default_rng(len(self.visits)).normal(0, 0.5, len(at.rest))]
         moved = []
         for i in self._doubtful():
             for value in np.linspace(self.slice.least[i], self.slice.most[i], GRID):
