@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from learn.ascent import ascend, climb_from
 from learn.mstep import Objective
-from learn.optimum import polish
 from taskcomm.lattice import Floats, Ints
 from taskcomm.parallel import map_in_order
 from taskcomm.trials import Trial
 
-ROUNDS = 4
-ASIDE = 0.3
+STEPS, GAIN = 60, 1e-3  # of each climb, in nats: far less than what resamples differ by
+GRID = 12
 
 
 def groups_of(trials: Sequence[Trial]) -> tuple[Hashable, ...]:
@@ -33,7 +33,7 @@ def members_of(groups: Sequence[Hashable]) -> Ints:
 class Resample:
     """One fit to teachers drawn again: weights that count each teacher's trials as often as drawn.
 
-    The climb begins at the fit to all, and again a little aside of it.
+    Climbs begin beside the fit to all, further from it, and where one time is moved across breakpoints.
     """
 
     objective: Objective
@@ -51,9 +51,32 @@ class Resample:
         objective = Objective(
             self.objective.evidence.with_weights(weights), self.objective.base, space, self.objective.prior
         )
-        aside = np.clip(self.centre + rng.normal(0, ASIDE, len(self.centre)), space.least, space.most)
-        ends = [polish(objective, start, rng, ROUNDS)[0] for start in (self.centre, aside)]
+        near, aside = (
+            np.clip(self.centre + rng.normal(0, size, len(self.centre)), space.least, space.most)
+            for size in (0.01, 0.3)
+        )
+        ends = [_climbed(objective, start) for start in (near, aside)]
+        ends.append(_climbed(objective, _moved(objective, max(ends, key=objective.value))))
         return space.vector(max(ends, key=objective.value))
+
+
+def _climbed(objective: Objective, start: Floats) -> Floats:
+    space = objective.space
+    climb = climb_from(objective.value_and_rates, start)
+    return ascend(objective.value_and_rates, climb, space.least, space.most, STEPS, GAIN).point
+
+
+def _moved(objective: Objective, point: Floats) -> Floats:
+    """The best of moving each rise, fall, ... anywhere, one after the other, across their breakpoints."""
+    space, best, value = objective.space, point, objective.value(point)
+    for i in range(len(space.odds), len(point)):
+        for where in np.linspace(space.least[i], space.most[i], GRID):
+            there = best.copy()
+            there[i] = where
+            reached = objective.value(there)
+            if reached > value:
+                best, value = there, reached
+    return best
 
 
 def resampled(
