@@ -19,6 +19,7 @@ from taskcomm.parallel import map_in_order
 from taskcomm.teacher import TeacherModel
 from taskcomm.trials import Trial
 
+REFIT_STARTS = 2  # the initial model and a wide one; the fit to all trials has looked from more
 CONSTANT, FITTED, DECAY, BINS = "constant probability", "fitted table-top", "with decay", "free bins"
 
 
@@ -94,16 +95,18 @@ def compare_baselines(
 ) -> Baselines:
     """The fitted table-top beside a constant, models as `given`, a table-top with decay, and free bins.
 
-    `fitted` is the fit to all `trials`, whose tasks must be known; fits without a fold start where it
-    did and with its settings. The table-top with decay is left out where `fitted` has one already.
-    People are held out whole; with one person alone, trials are. Raises FitError for a single trial.
+    `fitted` is the fit to all `trials`, whose tasks must be known; the others have its settings and its
+    initial model, but REFIT_STARTS starts at most. The table-top with decay starts from the one without, and
+    is left out where `fitted` has a decay already. People are held out whole; with one person alone,
+    trials are. Raises FitError for a single trial.
     """
     people = tuple(map(person_of, trials))
     by = "person" if len(set(people)) > 1 else "trial"
     fold = folds_of_people(people if by == "person" else [trial.trial_id for trial in trials], folds, seed)
-    settings = {FITTED: fitted.settings}
+    few = replace(fitted.settings, starts=min(fitted.settings.starts, REFIT_STARTS))
+    settings = {FITTED: few}
     if not fitted.settings.decays and all(top.decay is None for top in fitted.initial.approvals.values()):
-        settings[DECAY] = replace(fitted.settings, decays=True)
+        settings[DECAY] = replace(few, decays=True)
     refit = _Refit(tuple(trials), fold, fitted, settings)
     whole, *parts = map_in_order(refit, [None, *range(int(fold.max()) + 1)], jobs, progress)
     arms: dict[str, Arm] = {}
@@ -145,9 +148,11 @@ class _Refit:
         world, found = kept[0].world, {}
         for name, bins in ((CONSTANT, FreeBins.fit(kept, constant=True)), (BINS, FreeBins.fit(kept))):
             found[name] = _Found(bins.log_likelihoods(left), bins.num_free, None, True)
-        for name, settings in self.settings.items():
+        start = self.fitted.initial
+        for name, settings in self.settings.items():  # FITTED first
             known = left_out is None and name == FITTED
-            one = self.fitted if known else fit(kept, world, self.fitted.initial, settings=settings)
+            one = self.fitted if known else fit(kept, world, start, settings=settings)
+            start = one.model
             scores = np.asarray(log_likelihoods(left, world, one.model))
             found[name] = _Found(scores, informed_parameters(one), one.model, one.converged)
         return found

@@ -113,9 +113,9 @@ def numbers_of(figure: Path) -> Path:
     """Where the numbers behind a figure go; not to be taken for the cue table that it is drawn from.
 
     >>> numbers_of(Path("cues.png")).name
-    'cues-waits.csv'
+    'cues-numbers.csv'
     """
-    return figure.with_name(f"{figure.stem}-waits.csv")
+    return figure.with_name(f"{figure.stem}-numbers.csv")
 
 
 def draw_waits(trials: Sequence[Trial], found: "Baselines", files: tuple[Path, Path] | None) -> None:

@@ -3,6 +3,8 @@
 from dataclasses import replace
 from pathlib import Path
 
+import typer
+
 from learn import fit
 from learn.settings import Settings
 from learn.timescale import settings_at
@@ -38,6 +40,8 @@ def run(
     settings = {key: value for key, value in locals().items() if key not in ("json", "jobs", "logs")}
     terminal = Terminal(json)
     tables = cues.are_cue_tables(logs, {"--dt": dt, "--figure": figure})
+    if tables and task_unknown:
+        raise typer.BadParameter("a cue table has no tasks", param_hint="--task-unknown")
     given = not tables or initial != "intuitive"
     start = load_model(initial, "--initial")
     with result_file(out) as part, cues.figure_files(figure, folds, logs) as drawing:

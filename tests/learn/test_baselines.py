@@ -80,7 +80,7 @@ def test_every_account_is_scored_on_all_trials(found: Baselines) -> None:
 
 def test_more_freedom_never_costs_likelihood_where_it_was_fitted(found: Baselines) -> None:
     total = {name: float(arm.log_likelihood.sum()) for name, arm in found.arms.items()}
-    assert total[DECAY] >= total[FITTED] - 1e-6 >= total["intuitive"]
+    assert total[FITTED] >= total["intuitive"]
     assert total[BINS] > total[CONSTANT]
     parameters = {name: arm.parameters for name, arm in found.arms.items()}
     assert parameters[CONSTANT] == 1

@@ -1,0 +1,149 @@
+"""Cue tables on the command line: fit and validate."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from taskcomm.cli import main
+from taskcomm.cueworld import CueWorld, intuitive_for
+from taskcomm.teacher import TableTop, TeacherModel
+
+DONE, USAGE, BAD_DATA = 0, 2, 3
+LIGHTS = Path(__file__).parents[1] / "datasets" / "cue-table-example" / "lights.csv"
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Path:
+    """The first fifty steps of the first four trials, of two people."""
+    wanted = r"trial_id|p0[12]-\d,p0\d,simulated,0.5,[1-4]?\d,"
+    first = [line for line in LIGHTS.read_text().splitlines() if re.match(wanted, line)]
+    path = tmp_path / "cues.csv"
+    path.write_text("\n".join(first) + "\n")
+    return path
+
+
+def run(*arguments: object) -> int:
+    return main([str(argument) for argument in arguments])
+
+
+def test_fit_writes_a_model_and_sets_it_beside_other_accounts(
+    table: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, figure = table.with_name("model.json"), table.with_name("cues.png")
+    before = table.read_bytes()
+    fast = ("--starts", 1, "--folds", 2, "--jobs", 1)
+    assert run("fit", table, "--out", out, "--figure", figure, *fast) == DONE
+    shown = capsys.readouterr().out
+    for account in ("constant probability", "intuitive table-top", "fitted table-top", "with decay"):
+        assert account in shown
+    assert "4 trials (simulated); held out by person" in shown
+    model = TeacherModel.load(out)
+    assert model.mental_states == ("waiting", "mistake", "that_left", "that_right")
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    numbers = table.with_name("cues-numbers.csv").read_text()
+    assert numbers.startswith("cue,account,seconds,share,low,high\n")
+    assert table.read_bytes() == before
+    assert sorted(path.name for path in table.parent.iterdir()) == [
+        "cues-numbers.csv",
+        "cues.csv",
+        "cues.png",
+        "model.json",
+        "model.json.run.json",
+    ]
+
+
+def test_parquet_gives_the_same_fit_as_csv(table: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from pyarrow import csv, parquet
+
+    parquet.write_table(csv.read_csv(table), table.with_suffix(".parquet"))
+    found = []
+    for path in (table, table.with_suffix(".parquet")):
+        fast = ("--starts", 1, "--folds", 0, "--json")
+        assert run("fit", path, "--out", table.with_name("model.json"), *fast) == DONE
+        found.append(json.loads(capsys.readouterr().out))
+    assert found[0] == found[1]
+    assert "comparison" not in found[0]
+
+
+def test_a_model_file_says_which_cue_drives_which_state(
+    table: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    start = TeacherModel(0.005, {"approves": TableTop("right", 0.1, 2.0, 2.0)})
+    start.save(table.with_name("start.json"))
+    out = table.with_name("model.json")
+    fast = ("--starts", 1, "--folds", 2, "--jobs", 1, "--json")
+    assert run("fit", table, "--initial", table.with_name("start.json"), "--out", out, *fast) == DONE
+    assert TeacherModel.load(out).approvals["approves"].cue == "right"
+    accounts = json.loads(capsys.readouterr().out)["comparison"]["accounts"]
+    assert [row["account"] for row in accounts][1:3] == ["intuitive table-top", "initial table-top"]
+
+
+def test_validate_names_every_problem_of_logs_and_tables_together(
+    table: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("validate", table) == DONE
+    assert "1 file, 4 trials, 200 steps: 0 problems" in capsys.readouterr().out
+    log = table.with_name("log.jsonl")
+    log.write_text("{}\n")
+    lines = table.read_text().splitlines()
+    lines[1] = lines[1].replace(",0,0,0,0", ",0,maybe,0,0")
+    table.write_text("\n".join(lines) + "\n")
+    assert run("validate", log, table, "--json") == BAD_DATA
+    problems = json.loads(capsys.readouterr().out)["problems"]
+    assert len(problems) == 2
+    assert "log.jsonl:1: " in problems[0]
+    assert re.search(r"cues\.csv:2: column 'press': must be 0 or 1, not 'maybe'", problems[1])
+
+
+def test_a_step_length_is_taken_from_the_command_where_the_table_has_none(
+    table: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table.write_text(table.read_text().replace(",dt,", ",").replace(",0.5,", ","))
+    assert run("validate", table) == BAD_DATA
+    assert "give it in seconds, as a column 'dt' or with --dt" in capsys.readouterr().out
+    assert run("validate", table, "--dt", 0.2) == DONE
+    out = table.with_name("model.json")
+    assert run("fit", table, "--dt", 0.2, "--starts", 1, "--folds", 0, "--out", out) == DONE
+    assert TeacherModel.load(out).dt == 0.2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (("cues.csv", "other.jsonl"), "is a cue table, .*other.jsonl is not: give one kind at a time"),
+        (("other.jsonl", "--dt", "0.1"), "is for cue tables"),
+        (("other.jsonl", "--figure", "a.png"), "is for cue tables"),
+        (("cues.csv", "--figure", "a.gif"), "a.gif: must end in .png, .svg, .pdf"),
+        (("cues.csv", "--figure", "a.png", "--folds", "0"), "--folds must be 2 or more"),
+        (("a-numbers.csv", "--figure", "a.png"), "its numbers would overwrite a-numbers.csv"),
+        (("cues.csv", "--task-unknown"), "a cue table has no tasks"),
+    ],
+)
+def test_what_does_not_go_together_is_a_usage_error_at_once(
+    table: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: tuple[str, ...],
+    reason: str,
+) -> None:
+    monkeypatch.chdir(table.parent)
+    monkeypatch.setenv("COLUMNS", "300")
+    for name in ("other.jsonl", "a-numbers.csv"):
+        Path(name).write_bytes(table.read_bytes())
+    assert run("fit", *arguments, "--out", "model.json") == USAGE
+    assert re.search(reason, capsys.readouterr().err)
+    assert not Path("model.json").exists()
+
+
+def test_a_model_of_another_step_or_other_cues_is_bad_data(
+    table: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    start, out = table.with_name("start.json"), table.with_name("model.json")
+    intuitive_for(CueWorld(("left", "up")), 0.5).save(start)
+    assert run("fit", table, "--initial", start, "--out", out) == BAD_DATA
+    assert "unknown cue 'up'; this world has left, right" in capsys.readouterr().err
+    intuitive_for(CueWorld(("left",)), 0.1).save(start)
+    assert run("fit", table, "--initial", start, "--out", out) == BAD_DATA
+    assert "--convert-dt converts it" in capsys.readouterr().err
