@@ -11,7 +11,7 @@ from learn.basins import Ending
 from learn.coordinates import Coordinates
 from learn.mstep import Objective
 from learn.optimum import TOLERANCE, Slopes
-from learn.statistics import vanished
+from learn.statistics import full, vanished
 from taskcomm.lattice import Floats
 
 Kind = Literal["converged", "at a bound", "iteration limit", "slope left", "not monotone", "degenerate"]
@@ -130,8 +130,11 @@ def kind_of(
     return "at a bound" if bound else "converged", ()
 
 
-def remarked(marks: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
-    """The marks of parameters by what is remarked; a ridge is that of an approval state."""
+def remarked(marks: Mapping[str, str], filled: bool) -> dict[str, tuple[str, ...]]:
+    """The marks of parameters by what is remarked; a ridge is that of an approval state.
+
+    `filled`: mistake and the peaks sum to 1, the most that they can.
+    """
 
     def marked(mark: str) -> tuple[str, ...]:
         return tuple(name for name, given in marks.items() if given == mark)
@@ -140,7 +143,7 @@ def remarked(marks: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
     return {
         "kinks": marked("at a kink"),
         "ridges": ridges,
-        "bounds": marked("at its bound"),
+        "bounds": marked("at its bound") + (("sum of the peaks",) if filled else ()),
         "no_data": marked("no data"),
     }
 
@@ -171,9 +174,9 @@ def degeneracies(
 ) -> tuple[str, ...]:
     """Why a maximum is no estimate of a teacher: sentences, none where it is one.
 
-    The log-likelihood is not finite; no press, or no cue of any approval state, was ever seen; mistake or
-    waiting has vanished, or every peak; the log-likelihood does not bend along some direction of the
-    coordinates that are at neither kink nor bound nor ridge (the information is singular).
+    The log-likelihood is not finite; no press, nothing but presses, or no cue of any approval state was
+    ever seen; mistake has vanished, or every peak; the log-likelihood does not bend along some direction of
+    the coordinates that are at neither kink nor bound nor ridge (the information is singular).
     """
     space, exposure = objective.space, objective.evidence.exposure
     if not math.isfinite(objective.value(point)):
@@ -190,16 +193,20 @@ def degeneracies(
         found.append("every peak has vanished, so no press is explained by a cue")
     if vanished(odds.get(0, 0.0)):
         found.append("mistake has vanished, so a robot with this model never gets over a mistake")
-    if any(vanished(-value) for value in point[: len(space.odds)]):
-        found.append("waiting has vanished: people always press")
-    flat = flat_direction(objective, point, _smooth(space, marks, names))
+    if sum(map(len, exposure.press_steps)) == exposure.steps.sum():
+        found.append("every step has a press, so nothing says when people wait")
+    flat = flat_direction(objective, point, _smooth(space, point, marks, names))
     if flat is not None:
         found.append(f"the log-likelihood has no peak along {named_direction(flat, labels)}: it is flat")
     return tuple(found)
 
 
-def _smooth(space: Coordinates, marks: Mapping[str, str], names: Sequence[str]) -> list[int]:
-    return [c for c, members in enumerate(space.members) if not any(marks[names[int(i)]] for i in members)]
+def _smooth(space: Coordinates, point: Floats, marks: Mapping[str, str], names: Sequence[str]) -> list[int]:
+    """The coordinates at neither kink nor bound nor ridge; where mistake and the peaks sum to 1, but the
+    greatest of them, as all of their odds may grow together."""
+    plain = [c for c, members in enumerate(space.members) if not any(marks[names[int(i)]] for i in members)]
+    greatest = int(point[: len(space.odds)].argmax()) if full(space, point) else -1
+    return [c for c in plain if c != greatest]
 
 
 def flat_direction(objective: Objective, point: Floats, smooth: Sequence[int]) -> Floats | None:

@@ -15,7 +15,7 @@ from learn.optimum import TOLERANCE, one_sided_slopes
 from learn.path import Path
 from learn.result import FitResult, Start
 from learn.settings import Settings
-from learn.statistics import informed, marks_of, remarks_of, ridges, settle
+from learn.statistics import full, informed, marks_of, remarks_of, ridges, settle
 from taskcomm.lattice import Floats
 from taskcomm.teacher import TeacherModel
 
@@ -37,6 +37,7 @@ def conclude(
     em_alone = max(path.em_alone for path in paths)
     names = names_of(states)
     labels = labels_of(space, names)
+    filled = full(space, point)
     monotone = all(_never_falls(path.values) for path in paths)
     kind, reasons = kind_of(
         degeneracies(objective, point, marks, names, labels),
@@ -44,7 +45,7 @@ def conclude(
         path.converged,
         slopes.steepest,
         monotone,
-        "at its bound" in marks.values(),
+        filled or "at its bound" in marks.values(),
     )
     ended = endings(objective, [p.name for p in paths], [_end(p) for p in paths], point, labels)
     certificate = Certificate(
@@ -61,7 +62,7 @@ def conclude(
         steepest=slopes.steepest if math.isfinite(slopes.steepest) else None,
         steepest_along=steepest_along(slopes, labels),
         tolerance=TOLERANCE,
-        **remarked(marks),
+        **remarked(marks, filled),
     )
     model = model_at(vector, initial)
     if objective.observing is not None:
@@ -81,8 +82,8 @@ def conclude(
         "status": certificate.status,
         "certificate": certificate.to_dict(),
     }
-    return FitResult(
-        model=replace(model, provenance=provenance),
+    result = FitResult(
+        model=model,
         initial=initial,
         log_likelihood=expectation.value,
         objective=value,
@@ -105,12 +106,14 @@ def conclude(
         steps=dict(zip(names, map(float, seen.steps), strict=True)),
         presses=dict(zip(names, map(float, seen.presses), strict=True)),
         marks=marks,
-        remarks=remarks_of(marks, states),
+        remarks=remarks_of(marks, states, filled),
         free=space.free.copy(),
         num_free=len(space.index) + (0 if objective.observing is None else objective.observing.num_free),
         settings=settings,
         certificate=certificate,
     )
+    provenance |= {"audit": result.audit_to_dict()}
+    return replace(result, model=replace(model, provenance=provenance))
 
 
 def _end(path: Path) -> Floats:

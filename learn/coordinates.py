@@ -137,6 +137,10 @@ class Coordinates:
         self.least[a:] = np.where(self._log, math.log(self.dt), 0.0)
         self.most[a:] = np.where(self._log, np.log(np.maximum(most, self.dt)), most)
 
+    def shortest(self, index: int) -> float:
+        """The least value of a time, by its place among the natural parameters."""
+        return 0.0 if NAMES[(index - 1) // self.states] in ("delay", "hold") else self.dt
+
     def extent(self, base: Parameters) -> Extent:
         """The lattice extent that holds every point of the space."""
         now = Extent.of(base)

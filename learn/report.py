@@ -3,10 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from learn.audit import RULE
 from learn.bootstrap import Interval
 from learn.calibration import Calibration
 from learn.compare import Comparison
 from learn.held_out import BLIND, LEARNED
+from learn.intervals import interval_text
 
 if TYPE_CHECKING:
     from learn.result import FitResult
@@ -61,13 +63,23 @@ def source_sentence(sources: Sequence[str]) -> str:
 
 
 def parameter_table(fitted: "FitResult") -> tuple[list[str], list[list[str]]]:
-    """Columns and rows of a fit: each parameter before and after, and what informed it."""
+    """Columns and rows of a fit: each parameter before and after, its interval where there is one, what
+    informed it and the verdict of the audit on that."""
     start = "intuitive" if fitted.initial.provenance.get("made_by") == "TeacherModel.intuitive" else "initial"
-    rows = [
-        [row.parameter, *(f"{x:.4g}" for x in row[1:3]), f"{row.presses:.1f}", f"{row.steps:.0f}", row.mark]
-        for row in fitted.table()
-    ]
-    return ["parameter", start, "learned", "presses", "steps", "mark"], rows
+    found, columns = fitted.uncertainty, ["parameter", start, "learned"]
+    if found is not None:
+        columns.append(f"{found.level:.0%} interval")
+    rows = []
+    for row in fitted.table():
+        cells = [row.parameter, _number(row.initial), _number(row.learned)]
+        if found is not None:
+            cells.append("" if row.interval is None else interval_text(row.interval))
+        rows.append([*cells, f"{row.presses:.1f}", f"{row.steps:.0f}", row.verdict, row.mark])
+    return [*columns, "presses", "steps", "data", "mark"], rows
+
+
+def _number(value: float) -> str:
+    return "none" if value == float("inf") else f"{value:.4g}"
 
 
 def _text(*sentences: str) -> str:
@@ -92,12 +104,13 @@ def _data(found: Comparison) -> str:
 
 def _fit(found: Comparison) -> str:
     fitted = found.fitted
-    state = "converged" if fitted.converged else "**did not converge**"
+    state = "converged" if fitted.converged else f"**is not to be trusted** ({fitted.status})"
     about = _text(
         f"Fitted to all trials; the fit {state}, at a log-likelihood of {fitted.log_likelihood:.2f} nats.",
         "Probabilities are per step, times in seconds; presses and steps are the expected numbers of",
-        "those that informed a parameter.",
+        f"those that informed a parameter, data the verdict on that ({RULE}).",
     )
+    certificate = "\n".join(f"- {line}" for line in fitted.certificate.lines())
     caption = _text(
         "The probability of each mental state per step, since its cue went on (left, from level 0) and",
         "off (right, from level 1). Numbers: `table-tops.csv`.",
@@ -107,6 +120,7 @@ def _fit(found: Comparison) -> str:
         "## The learned teacher",
         about,
         markdown_table(*parameter_table(fitted)),
+        f"The certificate of the fit:\n\n{certificate}",
         remarks,
         "![table-tops](table-tops.png)",
         caption,

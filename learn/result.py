@@ -1,12 +1,14 @@
 """What a fit found, how it got there, and how much it may be trusted."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from math import inf
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from math import inf, isfinite
+from typing import Any, NamedTuple, Self
 
+from learn.audit import Audited, audited
 from learn.certificate import Certificate
 from learn.coordinates import NAMES, names_of, vector_of
+from learn.intervals import ParameterInterval, Uncertainty
 from learn.settings import Settings
 from taskcomm.lattice import Bools, Floats
 from taskcomm.teacher import TeacherModel
@@ -27,7 +29,10 @@ class Start(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One parameter: before and after, the expected steps and presses that informed it, and remarks."""
+    """One parameter: before and after, the expected steps and presses that informed it, and remarks.
+
+    `verdict` is that of `learn.audit`; `interval` is there once uncertainty is.
+    """
 
     parameter: str
     initial: float
@@ -35,6 +40,17 @@ class Row(NamedTuple):
     presses: float
     steps: float
     mark: str
+    verdict: str
+    interval: ParameterInterval | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON: no decay is None, an open end of the interval too."""
+        plain = {k: None if v in (inf, -inf) else v for k, v in self._asdict().items() if k != "interval"}
+        if self.interval is None or self.interval.low is None:
+            return plain | {"low": None, "high": None, "interval": "none"}
+        own = self.interval
+        low, high = None if own.open_low else own.low, None if own.open_high else own.high
+        return plain | {"low": low, "high": high, "interval": own.how}
 
 
 @dataclass(frozen=True)
@@ -55,7 +71,8 @@ class FitResult:
     probability it changes (for mistake: steps in which nothing else could be the reason, and expected
     mistakes). `marks` are remarks by parameter: "no data", "fixed", "at its bound", "at a kink",
     "ridge"; `remarks` says the same in sentences. `num_free` is how many coordinates were learned (a
-    shared parameter is one), for BIC; `free` (1 + 6 M,) which parameters.
+    shared parameter is one), for BIC; `free` (1 + 6 M,) which parameters. `uncertainty` is None until
+    `with_uncertainty`.
     """
 
     model: TeacherModel
@@ -84,22 +101,57 @@ class FitResult:
     num_free: int
     settings: Settings
     certificate: Certificate
+    uncertainty: Uncertainty | None = None
 
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the parameters: mistake, that_mov.peak, ..."""
         return names_of(list(self.model.approvals))
 
+    @property
+    def audit(self) -> tuple[Audited, ...]:
+        """What bears on each parameter and a verdict, see `learn.audit`, in the order of `parameters`."""
+        found = {} if self.uncertainty is None else self.uncertainty.by_parameter
+        return tuple(
+            audited(name, self.steps[name], self.presses[name], self.marks[name], found.get(name))
+            for name in self.parameters
+        )
+
     def table(self) -> tuple[Row, ...]:
         """A row for each parameter: mistake, then approval by approval.
 
-        Delays, decays and holds have one only where they were learned, or given.
+        Delays, decays and holds have one only where they were learned, or given. Where uncertainty says
+        of a peak and a rise that their ratio alone is known, that ratio has a row too.
         """
         before = dict(zip(self.parameters, map(float, vector_of(self.initial)), strict=True))
         after = dict(zip(self.parameters, map(float, vector_of(self.model)), strict=True))
+        found = {} if self.uncertainty is None else self.uncertainty.by_parameter
+        of = {each.parameter: each for each in self.audit}
         order = ["mistake"] + [f"{state}.{name}" for state in self.model.approvals for name in NAMES]
-        return tuple(
-            Row(name, before[name], after[name], self.presses[name], self.steps[name], self.marks[name])
-            for name in order
-            if not name.endswith(OPTIONAL) or self.marks[name] != "fixed" or before[name] not in (0, inf)
-        )
+        rows = []
+        for name in order:
+            if not name.endswith(OPTIONAL) or self.marks[name] != "fixed" or before[name] not in (0, inf):
+                known = (self.presses[name], self.steps[name], self.marks[name], of[name].verdict)
+                rows.append(Row(name, before[name], after[name], *known, found.get(name)))
+            if (ratio := found.get(f"{name}/rise")) is not None:
+                rise = name.replace(".peak", ".rise")
+                known = (self.presses[name], self.steps[name], "", "informed")
+                at_first = before[name] / before[rise]
+                rows.append(Row(ratio.parameter, at_first, ratio.estimate, *known, ratio))
+        return tuple(rows)
+
+    def with_uncertainty(self, found: Uncertainty) -> Self:
+        """The result with intervals: in its table, its audit, and the provenance of its model."""
+        result = replace(self, uncertainty=found)
+        finite = tuple(each for each in found.intervals if isfinite(each.estimate))  # JSON knows no other
+        kept = replace(found, intervals=finite).to_dict()
+        note = {**self.model.provenance, "audit": result.audit_to_dict(), "uncertainty": kept}
+        return replace(result, model=replace(self.model, provenance=note))
+
+    def audit_to_dict(self) -> dict[str, dict[str, Any]]:
+        """The audit as plain values, by parameter, for provenance."""
+        return {
+            each.parameter: {k: v for k, v in each.to_dict().items() if k != "parameter"}
+            | {"mark": self.marks[each.parameter]}
+            for each in self.audit
+        }

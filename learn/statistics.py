@@ -15,12 +15,19 @@ from taskcomm.lattice import Floats
 BELOW_FULL = 1 - 1e-9
 LONGER = 1e-6
 STRETCH = 1.05
+NOTHING = 1e-4  # nats; a standard error of 3.5 on the logarithm of all three
+FULL = 1e-3
 NEARLY = 100  # times its least odds: a probability below has vanished
 
 
 def vanished(log_odds: float) -> bool:
     """Whether a probability, by its odds against waiting, has gone as near to 0 as it can, or nearly."""
     return log_odds < math.log(LEAST_ODDS * NEARLY)
+
+
+def full(space: Coordinates, point: Floats) -> bool:
+    """Whether mistake and the peaks sum to 1 at a point, but for FULL: the most that they can."""
+    return bool(1 - space.vector(point)[: 1 + space.states].sum() < FULL)
 
 
 class Informed(NamedTuple):
@@ -68,7 +75,8 @@ def informed(objective: Objective, vector: Floats, expectation: Expectation) -> 
 def settle(objective: Objective, point: Floats) -> Floats:
     """A point of equal objective that claims less: what the data do not move goes back.
 
-    A time that no step bears on returns to the initial model's. On a ridge (a level
+    A time that no step bears on returns to the initial model's or, where that one is less likely, goes to
+    its least value. On a ridge (a level
     that never reached 1) peak, rise and fall shrink together until the highest level reached is 1:
     the peak is then the greatest probability that was shown, and none is claimed beyond it.
     """
@@ -87,7 +95,9 @@ def settle(objective: Objective, point: Floats) -> Floats:
     for members in space.members:
         rows = members.tolist()
         if rows[0] > states and not seen.steps[rows].any():
-            vector = kept(rows, space.base[rows], allowed)
+            before, vector = vector, kept(rows, space.base[rows], allowed)
+            if vector is before:  # none near this one matters, but the initial one does
+                vector = kept(rows, np.full(len(rows), space.shortest(rows[0])), allowed)
     for m in range(states):
         rows = [1 + m, 1 + states + m, 1 + 2 * states + m]
         if 0 < seen.reached[m] < BELOW_FULL and space.free[rows].all() and not gone[m]:
@@ -98,18 +108,22 @@ def settle(objective: Objective, point: Floats) -> Floats:
 
 
 def ridges(objective: Objective, point: Floats) -> list[bool]:
-    """Whether peak, rise and fall of each approval state can grow together and change nothing."""
+    """Whether peak, rise and fall of each approval state can grow together and change next to nothing.
+
+    By 5%, with no more than NOTHING nats lost: memories in which its level does reach 1 may be possible
+    and have next to no weight.
+    """
     space, value = objective.space, objective.value(point)
     vector = space.vector(point)
     states = states_of(vector)
     result = []
     for m in range(states):
         rows = [1 + m, 1 + states + m, 1 + 2 * states + m]
-        stretch = min(STRETCH, *(space.longest[[m, states + m]] / vector[rows[1:]]))
+        stretch = min(STRETCH, *(space.longest[rows[1:]] / vector[rows[1:]]))
         stretched = vector.copy()
         stretched[rows] *= stretch
         fits = space.free[rows].all() and stretch > 1 + LONGER and stretched[: 1 + states].sum() < 1
-        same = fits and abs(objective.value(space.point(stretched)) - value) < 1e-12 * max(1, abs(value))
+        same = fits and abs(objective.value(space.point(stretched)) - value) < NOTHING
         result.append(bool(same))
     return result
 
@@ -124,7 +138,7 @@ def marks_of(
 ) -> dict[str, str]:
     """A remark for each natural parameter, "" where there is none."""
     names = names_of(states)
-    marks = dict.fromkeys(names, "")
+    marks, base = dict.fromkeys(names, ""), space.point(space.base)
     for i, name in enumerate(names):
         if not space.free[i]:
             no_cue = name.split(".")[-1] in NAMES[:3]
@@ -134,8 +148,11 @@ def marks_of(
         kink = min(-slopes.up[coordinate], -slopes.down[coordinate]) > TOLERANCE
         gone = space.kinds[coordinate] == "odds" and vanished(point[coordinate])
         mark = "at its bound" if at_bound or gone else "at a kink" if kink else ""
+        if not seen.steps[members].any():
+            same = math.isclose(point[coordinate], base[coordinate], rel_tol=1e-9, abs_tol=1e-9)
+            mark = "no data" if same else "at its bound"
         for i in members.tolist():
-            marks[names[i]] = mark if seen.steps[members].any() else "no data"
+            marks[names[i]] = mark
     for m, state in enumerate(states):
         if ridge[m] and marks[f"{state}.peak"] == "":
             for name in NAMES[:3]:
@@ -143,8 +160,8 @@ def marks_of(
     return marks
 
 
-def remarks_of(marks: Mapping[str, str], states: Sequence[str]) -> tuple[str, ...]:
-    """The marks as sentences."""
+def remarks_of(marks: Mapping[str, str], states: Sequence[str], filled: bool) -> tuple[str, ...]:
+    """The marks as sentences, and one where mistake and the peaks sum to 1 (`filled`)."""
     sentences = {
         "at a kink": "has its best value at a kink: the likelihood falls to either side at a slope",
         "at its bound": "lies at its bound: the data would take it further, or leave it open",
@@ -162,4 +179,8 @@ def remarks_of(marks: Mapping[str, str], states: Sequence[str]) -> tuple[str, ..
         for state in states
         if marks[f"{state}.peak"] == "ridge"
     ]
+    if filled:
+        remarks.append(
+            "mistake and the peaks sum to 1, the most that they can: the data would take them further."
+        )
     return tuple(remarks)

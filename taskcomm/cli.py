@@ -6,6 +6,7 @@ Every command is a module of `taskcomm.commands`, loaded when it is run, so that
 import sys
 import warnings
 from collections.abc import Sequence
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,10 +15,20 @@ import typer
 DONE, FAILED, USAGE, BAD_DATA, NOT_CONVERGED = range(5)
 SPREAD = ("--models", "--truth", "--sizes")  # options that take several values at once
 
+
+class Intervals(StrEnum):
+    """How a fit says how sure it is."""
+
+    likelihood = "likelihood"
+    wald = "wald"
+    bootstrap = "bootstrap"
+    none = "none"
+
+
 app = typer.Typer(
     name="taskcomm",
     help="Human-robot task communication: simulate teachers, fit them, compare robots, replay trials.",
-    epilog="Exit codes: 0 done, 1 failed, 2 usage, 3 bad data, 4 did not converge."
+    epilog="Exit codes: 0 done, 1 failed, 2 usage, 3 bad data, 4 a fit not to be trusted."
     " Example: taskcomm demo --out demo-results",
     no_args_is_help=True,
     add_completion=False,
@@ -82,6 +93,15 @@ def fit(
     convert_dt: ConvertDt = False,
     delays: Annotated[bool, typer.Option("--delays", help="Fit the delays too.")] = False,
     decays: Annotated[bool, typer.Option("--decays", help="Fit the decays of the plateaus too.")] = False,
+    holds: Annotated[
+        bool, typer.Option("--holds", help="Fit how long a plateau holds before it decays.")
+    ] = False,
+    shared: Annotated[
+        bool, typer.Option("--shared", help="Fitted delays, decays and holds: one for all approval states.")
+    ] = False,
+    intervals: Annotated[
+        Intervals, typer.Option(help="95% intervals: from the likelihood, or from teachers drawn again.")
+    ] = Intervals.likelihood,
     starts: Annotated[int, typer.Option(min=1, help="Starts of EM; the first is the initial model.")] = 6,
     max_iter: Annotated[int, typer.Option(min=1, help="Iterations of EM from each start.")] = 500,
     task_unknown: Annotated[
@@ -99,12 +119,12 @@ def fit(
     jobs: Jobs = 2,
     json: Json = False,
 ) -> None:
-    """Fit the teacher model to logged trials by EM (not converged: model marked, exit code 4).
+    """Fit the teacher model to logged trials by EM (not to be trusted: model marked, exit code 4).
 
     Cue tables, anybody's cues and presses with a row for each step, need no World; the fit to them is set
     beside a constant, the intuitive model, a plateau that decays, and free bins.
     """
-    settings = dict(locals())
+    settings = dict(locals()) | {"intervals": intervals.value}
     from taskcomm.commands import fit as command
 
     raise typer.Exit(command.run(**settings))

@@ -22,7 +22,9 @@ DONE, FAILED, USAGE, BAD_DATA, NOT_CONVERGED = range(5)
 
 
 def run(*arguments: object) -> int:
-    return main([str(argument) for argument in arguments])
+    """The exit code; fits come without intervals, which take most of their time (see test_fit_command)."""
+    quick = ["--intervals", "none"] if arguments[:1] == ("fit",) and "--help" not in arguments else []
+    return main([str(argument) for argument in (*arguments, *quick)])
 
 
 def left_in(folder: Path) -> set[str]:
@@ -75,7 +77,8 @@ def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) 
 def test_fit_loads_no_torch_and_no_plots(log: Path, tmp_path: Path) -> None:
     script = (
         "import sys; from taskcomm.cli import main\n"
-        f"code = main(['fit', {str(log)!r}, '--starts', '1', '--out', {str(tmp_path / 'm.json')!r}])\n"
+        f"code = main(['fit', {str(log)!r}, '--starts', '1', '--intervals', 'none',"
+        f" '--out', {str(tmp_path / 'm.json')!r}])\n"
         "heavy = {'torch', 'sklearn', 'pomegranate', 'matplotlib', 'pandas'} & set(sys.modules)\n"
         "sys.exit(code if not heavy else f'loaded {heavy}')"
     )

@@ -2,13 +2,16 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
+
+import typer
 
 import typer
 
 from learn import fit
 from learn.settings import Settings
 from learn.timescale import settings_at
-from taskcomm.commands import cues
+from taskcomm.commands import cues, fitted
 from taskcomm.commands.models import at_dt_of_trials, load_model, load_trials, model_files, naming
 from taskcomm.commands.output import result_file, run_record, write_record
 from taskcomm.commands.terminal import Terminal
@@ -23,6 +26,9 @@ def run(
     convert_dt: bool,
     delays: bool,
     decays: bool,
+    holds: bool,
+    shared: bool,
+    intervals: str,
     starts: int,
     max_iter: int,
     task_unknown: bool,
@@ -33,7 +39,7 @@ def run(
     jobs: int,
     json: bool,
 ) -> int:
-    """Fit, write the model and its record, print the table; 4 if it did not converge.
+    """Fit, write the model and its record, print table and certificate; 4 if it is not to be trusted.
 
     A fit to cue tables is then set beside other accounts of the same presses.
     """
@@ -54,12 +60,15 @@ def run(
         world = trials[0].world
         steps = {trial.dt for trial in trials}
         start = at_dt_of_trials(start, initial, world, steps, convert_dt, terminal)
-        chosen = Settings(delays=delays, decays=decays, starts=starts, max_iter=max_iter, seed=seed)
+        chosen = Settings(
+            **_freedoms(delays, decays, holds, shared), starts=starts, max_iter=max_iter, seed=seed
+        )
         with naming(places), terminal.progress("fitting", starts + 2) as progress:
             result = fit(
                 trials, world=world, initial=start, settings=settings_at(start.dt, chosen),
                 progress=lambda done, _total: progress(done),
             )  # fmt: skip
+            result = fitted.with_intervals(result, trials, intervals, seed, jobs, terminal)
         result.model.save(part)
         found = None
         if tables and folds > 1:
@@ -72,44 +81,26 @@ def run(
         {
             "command": "fit",
             "out": str(out),
-            "converged": result.converged,
-            "log_likelihood": result.log_likelihood,
             "trials": len(trials),
-            "status": result.status,
-            "parameters": [row._asdict() for row in result.table()],
-            "remarks": list(result.remarks),
+            **fitted.document(result),
             **({} if found is None else {"comparison": found.to_json()}),
         }
     )
-    terminal.table(
-        f"Teacher model fitted to {len(trials)} trials: log-likelihood {result.log_likelihood:.2f} nats",
-        [
-            "parameter",
-            "intuitive" if initial == "intuitive" else "initial",
-            "learned",
-            "presses",
-            "steps",
-            "mark",
-        ],
-        [
-            [
-                row.parameter,
-                *(f"{x:.4g}" for x in row[1:3]),
-                f"{row.presses:.1f}",
-                f"{row.steps:.0f}",
-                row.mark,
-            ]
-            for row in result.table()
-        ],
-    )
-    for remark in result.remarks:
-        terminal.line(f"- {remark}")
+    fitted.say(result, len(trials), terminal)
     if found is not None:
         cues.say(found, trials, terminal)
     terminal.line(f"{out}: the model")
     if figure is not None:
         terminal.line(f"{figure}: times to the first press; {cues.numbers_of(figure)}: its numbers")
-    if not result.converged:
+    if not result.certificate.trusted:
         terminal.message(f"{result.status}; the model says so in its provenance")
         return 4
     return 0
+
+
+def _freedoms(delays: bool, decays: bool, holds: bool, shared: bool) -> dict[str, Any]:
+    """What is learned beside mistake, peaks, rises and falls, and whether one for all approval states."""
+    asked = {"delays": delays, "decays": decays, "holds": holds}
+    if shared and not any(asked.values()):
+        raise typer.BadParameter("goes with --delays, --decays or --holds", param_hint="--shared")
+    return {name: "shared" if wanted and shared else wanted for name, wanted in asked.items()}

@@ -101,7 +101,18 @@ def test_what_cannot_be_an_estimate_is_degenerate_and_says_why() -> None:
     only_mistakes = by_hand(["noa"] * 10 + ["light_on(1)", "noa", "noa"], [2, 5, 8])
     assert "every peak has vanished" in fit([only_mistakes], WORLD, starts=2).status
     always = by_hand(["noa"] * 30, range(30))
-    assert "waiting has vanished" in fit([always], WORLD, starts=2, mistake_prior=None).status
+    assert "every step has a press" in fit([always], WORLD, starts=2, mistake_prior=None).status
+
+
+def test_peaks_that_sum_to_1_are_a_bound_and_no_fault() -> None:
+    """Cues that are never on together: each peak would be near 1 if the others left it room."""
+    one = by_hand(["light_on(1)", *["noa"] * 9], range(1, 10))
+    other = by_hand(["pick_up(1)", "light_on(2)", *["noa"] * 9], range(2, 11), trial_id="other")
+    result = fit([one, other], WORLD, starts=3)
+    assert sum(top.peak for top in result.model.approvals.values()) > 1 - 0.11
+    assert "sum of the peaks" in result.certificate.bounds
+    assert result.certificate.kind == "at a bound"
+    assert any("sum to 1" in remark for remark in result.remarks)
 
 
 def test_a_peak_that_vanished_alone_is_a_bound_and_its_times_have_no_data() -> None:
@@ -160,3 +171,13 @@ def test_the_likelihood_of_an_ending_is_that_of_a_model_there() -> None:
     (ending,) = result.certificate.endings
     assert ending.log_likelihood == pytest.approx(log_likelihood(trials, WORLD, result.model), abs=1e-6)
     assert isinstance(result.certificate, Certificate)
+
+
+def test_a_time_that_nothing_near_it_changes_but_the_initial_one_would_goes_to_its_bound() -> None:
+    """A level so low that any short fall clears it in one step; a long one would leave presses to explain."""
+    flashing = ["light_on(1)", *["noa"] * 5, "light_off(1)", *["noa"] * 5] * 6
+    trial = by_hand(flashing, [5, 17, 29, 41, 53, 65])
+    result = fit([trial], WORLD, teacher(falls=(6.0, 1.0, 1.0)), starts=4)
+    fall = result.model.approvals["that_mov"].fall
+    assert result.marks["that_mov.fall"] == ("no data" if fall == 6.0 else "at its bound")
+    assert fall < 6.0

@@ -1,0 +1,79 @@
+"""A fit, told: the table of parameters, the certificate, and the same as JSON."""
+
+from collections.abc import Sequence
+from typing import Any, cast
+
+from learn.certainty import uncertainty
+from learn.exposure import FitError
+from learn.intervals import Method, Uncertainty
+from learn.report import parameter_table
+from learn.result import FitResult
+from taskcomm.commands.terminal import Terminal
+from taskcomm.trials import Trial
+
+MORE_LIKELY = 0.1
+
+
+def with_intervals(
+    result: FitResult, trials: Sequence[Trial], kind: str, seed: int, jobs: int, terminal: Terminal
+) -> FitResult:
+    """The fit with its intervals, of `kind` likelihood, wald or bootstrap; as it is with none.
+
+    A degenerate fit gets none: there is nothing to be sure of. Raises FitError where there can be none.
+    """
+    if kind == "none" or result.certificate.kind == "degenerate":
+        return result
+    total = 200 if kind == "bootstrap" else len(result.certificate.kinks) + result.num_free
+    try:
+        with terminal.progress("intervals", total) as progress:
+            found = uncertainty(
+                result, trials, method=cast(Method, kind), seed=seed, jobs=jobs,
+                progress=lambda done, _: progress(done),
+            )  # fmt: skip
+    except ValueError as error:
+        raise FitError(f"--intervals {kind}: {error}") from None
+    return result.with_uncertainty(found)
+
+
+def document(result: FitResult) -> dict[str, Any]:
+    """What `--json` tells of a fit."""
+    return {
+        "converged": result.converged,
+        "status": result.status,
+        "log_likelihood": result.log_likelihood,
+        "certificate": result.certificate.to_dict(),
+        "parameters": [row.to_dict() for row in result.table()],
+        "audit": result.audit_to_dict(),
+        "uncertainty": None if result.uncertainty is None else _summary(result.uncertainty),
+        "remarks": list(result.remarks),
+    }
+
+
+def _summary(found: Uncertainty) -> dict[str, Any]:
+    """How the intervals were made; they themselves stand with the parameters."""
+    return {key: getattr(found, key) for key in ("method", "level", "teachers", "above", "resamples", "seed")}
+
+
+def say(result: FitResult, trials: int, terminal: Terminal) -> None:
+    """Table, certificate and remarks for people."""
+    terminal.table(
+        f"Teacher model fitted to {trials} trials: log-likelihood {result.log_likelihood:.2f} nats",
+        *parameter_table(result),
+    )
+    for verdict in ("weak", "none"):
+        which = [f"{each.parameter} ({each.why})" for each in result.audit if each.verdict == verdict]
+        if which:
+            terminal.line(f"{verdict}: {', '.join(which)}")
+    terminal.line()
+    terminal.line("Certificate")
+    for line in result.certificate.lines():
+        terminal.line(f"  {line}")
+    if result.remarks:
+        terminal.line()
+    for remark in result.remarks:
+        terminal.line(f"- {remark}")
+    above = 0.0 if result.uncertainty is None else result.uncertainty.above
+    if above > MORE_LIKELY:
+        terminal.message(
+            f"warning: beside the fit lies a model {above:.2f} nats more likely: more --starts may find it"
+        )

@@ -1,0 +1,98 @@
+"""`taskcomm fit`, as a user meets it: table, certificate, audit, intervals; as text, JSON and model file."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from taught import by_hand, operator_trials, teacher
+
+from taskcomm.cli import BAD_DATA, DONE, NOT_CONVERGED, USAGE, main
+from taskcomm.logs import write_trials
+from taskcomm.teacher import TeacherModel
+
+
+def run(*arguments: object) -> int:
+    return main([str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("logs") / "trials.jsonl"
+    write_trials(operator_trials(6, teacher(peaks=(0.3, 0.3, 0.2))), path)
+    return path
+
+
+def test_a_fit_is_told_with_intervals_verdicts_and_certificate_in_a_width_of_110(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "m.json"
+    assert run("fit", log, "--starts", 2, "--jobs", 1, "--out", out) == DONE
+    said = capsys.readouterr().out
+    table = [line for line in said.splitlines() if line.startswith(("┃", "│"))]
+    assert max(map(len, table)) <= 110
+    for column in ("parameter", "intuitive", "learned", "95% interval", "presses", "steps", "data", "mark"):
+        assert column in table[0]
+    assert "informed" in said
+    certificate = said[said.index("Certificate") :]
+    assert "may be trusted" in certificate
+    assert "EM alone reached" in certificate
+    assert "steepest one-sided slope" in certificate
+    note = TeacherModel.load(out).provenance
+    assert note["certificate"]["trusted"] is True
+    assert note["uncertainty"]["level"] == 0.95
+    assert note["audit"]["mistake"]["verdict"] in ("informed", "weak")
+
+
+def test_json_has_certificate_audit_and_intervals(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ("--starts", 1, "--intervals", "wald", "--jobs", 1, "--out", tmp_path / "m.json", "--json")
+    assert run("fit", log, *options) == DONE
+    document: dict[str, Any] = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert document["certificate"]["kind"] in ("converged", "at a bound")
+    assert document["uncertainty"]["method"] == "wald"
+    rows = {row["parameter"]: row for row in document["parameters"]}
+    assert rows["mistake"]["low"] < rows["mistake"]["learned"] < rows["mistake"]["high"]
+    assert rows["mistake"]["interval"] == "wald"
+    assert document["audit"]["mistake"]["verdict"] == rows["mistake"]["verdict"]
+    kept = TeacherModel.load(tmp_path / "m.json").provenance
+    assert kept["certificate"] == document["certificate"]
+    assert kept["audit"] == document["audit"]
+
+
+def test_no_intervals_where_none_are_asked_for(log: Path, tmp_path: Path) -> None:
+    out = tmp_path / "m.json"
+    assert run("fit", log, "--starts", 1, "--intervals", "none", "--out", out) == DONE
+    assert "uncertainty" not in TeacherModel.load(out).provenance
+
+
+def test_shared_decays_are_one_and_shared_without_anything_to_share_is_a_usage_error(
+    log: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "m.json"
+    options = ("--starts", 1, "--intervals", "none", "--out", out)
+    assert run("fit", log, "--decays", "--shared", *options) == DONE
+    assert len({top.decay for top in TeacherModel.load(out).approvals.values()}) == 1
+    assert TeacherModel.load(out).provenance["settings"]["decays"] == "shared"
+    assert run("fit", log, "--shared", *options) == USAGE
+
+
+def test_a_degenerate_fit_ends_with_4_and_says_why(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    silent, out = tmp_path / "silent.jsonl", tmp_path / "m.json"
+    write_trials([by_hand(["light_on(1)", *["noa"] * 12], presses=[])], silent)
+    assert run("fit", silent, "--starts", 1, "--out", out) == NOT_CONVERGED
+    said = capsys.readouterr()
+    assert "NOT TO BE TRUSTED: degenerate (no press in any trial" in said.out
+    assert "degenerate: no press in any trial" in said.err
+    assert TeacherModel.load(out).provenance["certificate"]["trusted"] is False
+
+
+def test_a_bootstrap_of_one_teacher_is_one_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    alone, out = tmp_path / "alone.jsonl", tmp_path / "m.json"
+    write_trials([by_hand(["light_on(1)", *["noa"] * 20], presses=[5, 9, 16])], alone)
+    assert run("fit", alone, "--starts", 1, "--intervals", "bootstrap", "--out", out) == BAD_DATA
+    assert "error: --intervals bootstrap: " in capsys.readouterr().err
+    assert not out.exists()
