@@ -150,7 +150,7 @@ class Belief:
         `rest`, a key that was not recorded counts as not pressed.
 
         Raises ImpossibleObservation, naming belief, world and observation, TypeError where `pressed` is
-        neither True, False nor None, and ValueError naming the channel for a value that it cannot have.
+        neither True, False nor None, and SignalError naming the channel for a value that it cannot have.
         """
         if pressed is not None and not isinstance(pressed, (bool, np.bool_)):
             raise TypeError(f"pressed: must be True, False or None, not {pressed!r}")

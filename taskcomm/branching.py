@@ -29,8 +29,19 @@ from taskcomm.outcomes import capacity, distinct_outcomes
 from taskcomm.teacher import Parameters, TeacherModel
 from taskcomm.world import World
 
-HORIZON = 3  # steps that a planner looks ahead unless told otherwise
+HORIZON = 3  # steps that a planner looks ahead where a step has many outcomes, unless told otherwise
 MOST_STATES = 50_000  # world states whose moves are kept
+
+
+def looks_beyond_the_key(model: TeacherModel) -> bool:
+    """Whether a step has other outcomes than a press, which says that M is not waiting, and none."""
+    seen = model.observation
+    return bool(seen.discrete or seen.miss or seen.false_press)
+
+
+def default_horizon(model: TeacherModel) -> int:
+    """How far ahead a planner with this model looks unless told otherwise."""
+    return HORIZON if looks_beyond_the_key(model) else 5
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,14 @@ def simulate(
         int | None,
         typer.Option(min=1, help="Simulated people the trials are shared out to (default: one a trial)."),
     ] = None,
-    horizon: Horizon = 5,
+    horizon: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            max=8,
+            help="Planning horizon in steps of 0.5 s (default: 5; 3 where the robot sees more than a key).",
+        ),
+    ] = None,
     threshold: Threshold = 0.98,
     max_steps: MaxSteps = 600,
     balls: Annotated[int, typer.Option(min=2, help="Balls in the world.")] = 3,
@@ -377,11 +384,12 @@ def _code_of(error: Exception) -> int | None:
     from taskcomm import LogError
     from taskcomm.belief import ImpossibleObservation
     from taskcomm.lattice import LatticeTooLarge
+    from taskcomm.observation import SignalError
     from taskcomm.teacher import ModelError
     from taskcomm.world import InvalidAction
 
     bad_data: tuple[type[Exception], ...]
-    bad_data = (LogError, ModelError, ImpossibleObservation, InvalidAction, LatticeTooLarge)
+    bad_data = (LogError, ModelError, SignalError, ImpossibleObservation, InvalidAction, LatticeTooLarge)
     if "learn.exposure" in sys.modules:
         from learn import FitError
 

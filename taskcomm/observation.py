@@ -18,6 +18,10 @@ Signals = Mapping[str, str | float]
 WAITING = 0  # the column of `waiting`, as in `TeacherModel.mental_states`
 
 
+class SignalError(ValueError):
+    """A signal that a channel of the model cannot have; the message names the channel."""
+
+
 class Observed(Protocol):
     """What is observed in one step: the key (None: not recorded), and signals by channel."""
 
@@ -45,7 +49,7 @@ def observation_weights(trial: _Trial, world: World, model: TeacherModel) -> Flo
 
     A key state that was not recorded and a signal that is missing have the factor 1; signals of channels that
     the model lacks are left aside; a continuous channel contributes its density. Raises ModelError
-    where a channel does not fit the world, ValueError naming step and channel for a value that cannot be.
+    where a channel does not fit the world, SignalError naming step and channel for a value that cannot be.
 
     >>> from taskcomm.trials import Step, Trial
     >>> from taskcomm.world import NOA, BallWorld
@@ -62,8 +66,8 @@ def observation_weights(trial: _Trial, world: World, model: TeacherModel) -> Flo
     for t, step in enumerate(trial.steps):
         try:
             weights[t] = observer.weights(step.pressed, step.signals)
-        except ValueError as error:
-            raise ValueError(f"step {t}: {error}") from None
+        except SignalError as error:
+            raise SignalError(f"step {t}: {error}") from None
     return weights
 
 
@@ -136,7 +140,7 @@ class Observer:
     def log_weights(self, pressed: bool | None, signals: Signals | None = None) -> Floats:
         """ln P(observation of a step | M, task), shape (tasks, 2 + M).
 
-        Raises ValueError naming the channel for a value that it cannot have.
+        Raises SignalError naming the channel for a value that it cannot have.
         """
         known = {name: value for name, value in (signals or {}).items() if name in self.model.channels}
         return self._log_weights(pressed, known)
@@ -174,7 +178,7 @@ class Observer:
         }
         value = signals.get(name)
         if value is not None and value not in table:
-            raise ValueError(f"signals.{name}: {value!r} is none of {', '.join(table)}")
+            raise SignalError(f"signals.{name}: {value!r} is none of {', '.join(table)}")
         if value is None and not about:
             return np.zeros(self._shape)
         parts = []
@@ -240,7 +244,7 @@ def _roles(world: World) -> dict[str, list[str]]:
 
 def _number(name: str, value: str | float) -> float:
     if isinstance(value, (str, bool)) or not np.isfinite(value):
-        raise ValueError(f"signals.{name}: must be a finite number, not {value!r}")
+        raise SignalError(f"signals.{name}: must be a finite number, not {value!r}")
     return float(value)
 
 

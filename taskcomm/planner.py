@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from taskcomm.belief import Belief
-from taskcomm.branching import HORIZON, BranchingTree
+from taskcomm.branching import BranchingTree, default_horizon, looks_beyond_the_key
 from taskcomm.branching import Looked as Branched
 from taskcomm.certificate import Certificate, Floats, Looked, certificate, enclosed, most_told
 from taskcomm.explain import Explanation, explanation
@@ -118,9 +118,10 @@ class EntropyPlanner:
         memory: int = GRAPH_MEMORY,
         signals: bool = True,
     ) -> None:
-        seen = model.observation if signals else replace(model.observation, channels={})
-        branches = bool(seen.discrete or seen.miss or seen.false_press)
-        horizon = (HORIZON if branches else 5) if horizon is None else horizon
+        planned = model
+        if not signals:
+            planned = replace(model, observation=replace(model.observation, channels={}))
+        horizon = default_horizon(planned) if horizon is None else horizon
         if isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 1:
             raise ValueError(f"horizon must be a whole number of steps from 1, not {horizon!r}")
         if not (_is_number(gamma) and 0 < gamma <= 1):
@@ -130,10 +131,10 @@ class EntropyPlanner:
         self.world, self.model, self.horizon = world, model, horizon
         self.gamma, self.ties = float(gamma), ties
         self._random = np.random.default_rng(seed)
-        if seen.continuous:
-            named = ", ".join(seen.continuous)
+        if planned.observation.continuous:
+            named = ", ".join(planned.observation.continuous)
             warnings.warn(UnplannedChannel(f"planning leaves aside {named}: continuous"), stacklevel=2)
-        self._tree = BranchingTree(world, replace(model, observation=seen)) if branches else None
+        self._tree = BranchingTree(world, planned) if looks_beyond_the_key(planned) else None
         parameters = model.parameters(world.cue_names)
         worth = parameters.peak * parameters.dt / parameters.rise
         self._graph = WorldGraph(world, parameters.cue, worth, horizon, memory)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taskcomm.belief import Belief, entropy
+from taskcomm.observation import SignalError
 from taskcomm.robot import PRUNE
 from taskcomm.teacher import ModelError, TeacherModel
 from taskcomm.trials import Step, Trial
@@ -87,7 +88,8 @@ def belief_path(trial: Trial, model: TeacherModel, prior: ArrayLike | None = Non
     """The exact belief of a robot that has `model`, over the steps of `trial`.
 
     Signals count as far as the model has their channels. The task of the trial is not used. Raises ModelError
-    if the model's dt is not the trial's.
+    if the model's dt is not the trial's or a channel does not fit its world, SignalError for a value that a
+    channel cannot have.
 
     >>> from taskcomm.trials import Step
     >>> from taskcomm.world import Action, BallWorld
@@ -101,8 +103,8 @@ def belief_path(trial: Trial, model: TeacherModel, prior: ArrayLike | None = Non
     check_dt(trial, model)
     belief = _before(trial, model, prior)
     rows = [belief.marginal()]
-    for step, state in zip(trial.steps, trial.states, strict=True):
-        belief = belief.update(state, step.pressed, step.signals)
+    for step in range(trial.num_steps):
+        belief = _after(belief, trial, step)
         rows.append(belief.marginal())
     time = np.arange(trial.num_steps + 1, dtype=np.float64) * trial.dt
     return BeliefPath(trial.world, time, np.array(rows), trial.presses, trial.recorded)
@@ -118,10 +120,19 @@ def situation(trial: Trial, model: TeacherModel, step: int) -> tuple[Belief, Has
         raise ValueError(
             f"trial {trial.trial_id} has {trial.num_steps} steps, from 0; there is no step {step}"
         )
-    belief, state = _before(trial, model), trial.world.start()
-    for done, state in zip(trial.steps[:step], trial.states, strict=False):
-        belief = belief.update(state, done.pressed, done.signals)
-    return belief, state
+    belief = _before(trial, model)
+    for done in range(step):
+        belief = _after(belief, trial, done)
+    return belief, (trial.world.start(), *trial.states)[step]
+
+
+def _after(belief: Belief, trial: Trial, step: int) -> Belief:
+    """The belief after a step of a trial; an error names both."""
+    seen = trial.steps[step]
+    try:
+        return belief.update(trial.states[step], seen.pressed, seen.signals)
+    except SignalError as error:
+        raise SignalError(f"trial {trial.trial_id}, step {step}: {error}") from None
 
 
 def _before(trial: Trial, model: TeacherModel, prior: ArrayLike | None = None) -> Belief:
@@ -174,10 +185,10 @@ def press_reasons(
     belief = _before(trial, model, prior)
     states = tuple(state for state in model.mental_states if state != "waiting" or _fires_by_itself(model))
     at_once = []
-    for step, state in zip(trial.steps, trial.states, strict=True):
+    for t, (step, state) in enumerate(zip(trial.steps, trial.states, strict=True)):
         if step.pressed:
             at_once.append(_reasons_of_a_press(belief, state, step, states))
-        belief = belief.update(state, step.pressed, step.signals)
+        belief = _after(belief, trial, t)
     return tuple(
         PressReason(
             step=int(step),

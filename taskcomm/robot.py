@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from taskcomm.belief import Belief
-from taskcomm.branching import HORIZON
+from taskcomm.branching import default_horizon
 from taskcomm.observation import Signals
 from taskcomm.routes import route
 from taskcomm.teacher import TeacherModel
@@ -67,10 +67,12 @@ class Robot:
     moves to another task, changes the robot's course. `prior` is over `world.tasks`.
 
     With a `deadline` (s for one decision) the planner looks as far ahead as it gets by then, at most its
-    own horizon, which is 10 unless a planner is given. Where more than an exact key is observed, a robot
-    plans 3 steps ahead unless it has a deadline, and its belief leaves out memories of 1e-9 together in a
-    step (`belief.dropped` bounds what that does). The same trial may then go another way on another
+    own horizon, which is 10 unless a planner is given. The same trial may then go another way on another
     machine, or a busier one: `decision.horizon` says how far each decision looked.
+
+    Where more than an exact key is observed, the horizon is 3 unless a planner is given. Under a key that
+    misses, the belief leaves out memories that weigh 1e-9 together in a step; `belief.dropped` bounds what
+    that does.
 
     `belief`, `state` and `decision` (the planner's last; None where it was not asked) are there
     to look at. Raises ValueError for a threshold outside (0, 1), a prior that is none, a planner made for
@@ -105,8 +107,7 @@ class Robot:
                 raise ValueError(f"planner: made for another {name} than the robot's")
         self.world, self.model, self.threshold, self.deadline = world, model, threshold, deadline
         self._planner = planner
-        self._branches = not model.observation.is_exact_key
-        self._initial = Belief.initial(world, model, prior, prune=PRUNE if self._branches else 0.0)
+        self._initial = Belief.initial(world, model, prior, prune=PRUNE if model.observation.miss else 0.0)
         self.reset()
 
     @property
@@ -125,8 +126,7 @@ class Robot:
 
     @property
     def _default_horizon(self) -> int:
-        near = HORIZON if self._branches else 5
-        return near if self.deadline is None else FAR
+        return default_horizon(self.model) if self.deadline is None else FAR
 
     @property
     def description(self) -> dict[str, Any]:

@@ -8,6 +8,7 @@ import typer
 
 from taskcomm.commands.terminal import Terminal
 from taskcomm.logs import LogError, read_with_places
+from taskcomm.observation import Observer
 from taskcomm.teacher import ModelError, TeacherModel
 from taskcomm.trials import Trial
 from taskcomm.world import World
@@ -25,13 +26,14 @@ def load_model(named: str, option: str) -> TeacherModel:
 def check_model(
     model: TeacherModel, named: str, world: World, steps: Collection[float], way_out: str | None = None
 ) -> None:
-    """Raise ModelError, naming the model, for a cue that the world lacks or a dt other than the trials'.
+    """Raise ModelError, naming the model, for a cue or role that the world lacks, or another dt.
 
     `steps` are the dt of the trials; where there are two, that is another error, and not raised here.
     `way_out` is what converts the model, as the error should say it.
     """
     try:
         model.parameters(world.cue_names)
+        Observer(world, model)
     except ModelError as error:
         raise ModelError(f"{named}: {error}") from None
     dt = _other_dt(model, steps)

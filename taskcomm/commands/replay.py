@@ -64,12 +64,17 @@ def run(
 def _explained(
     trial: Trial, model: TeacherModel, step: int, horizon: int
 ) -> tuple[Explanation, dict[str, Any]]:
-    """Why the planner would act as it would before a step of the trial, and that as plain values."""
+    """Why the planner would act as it would before a step of the trial, and that as plain values.
+
+    The plan is over the key; signals up to the step are in the belief.
+    """
     try:
         belief, state = situation(trial, model, step)
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--explain") from None
-    planner = EntropyPlanner(trial.world, model, horizon)
+    if model.observation.miss or model.observation.false_press:
+        raise typer.BadParameter("plans are explained for keys that never err", param_hint="--explain")
+    planner = EntropyPlanner(trial.world, model, horizon, signals=False)
     why = planner.plan(belief, state, exact_values=True).explain()
     moment = {"trial_id": trial.trial_id, "step": step, "time": step * trial.dt}
     return why, {**moment, "logged": str(trial.steps[step].action), **why.to_json()}

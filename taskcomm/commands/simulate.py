@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import typer
 
+from taskcomm.branching import default_horizon
 from taskcomm.commands.models import check_model, load_model, model_files
 from taskcomm.commands.output import result_file, run_record, write_record
 from taskcomm.commands.terminal import Terminal
@@ -98,7 +99,7 @@ def run(
     teacher: str,
     robot: str,
     people: int | None,
-    horizon: int,
+    horizon: int | None,
     threshold: float,
     max_steps: int,
     balls: int,
@@ -108,7 +109,7 @@ def run(
     json: bool,
 ) -> int:
     """Simulate, write the log and its record, print a summary."""
-    settings = {key: value for key, value in locals().items() if key not in ("json", "jobs")}
+    settings: dict[str, Any] = {key: value for key, value in locals().items() if key not in ("json", "jobs")}
     terminal = Terminal(json)
     if not out.name.endswith(LOGS):
         raise typer.BadParameter(f"{out.name}: must end in {' or '.join(LOGS)}", param_hint="--out")
@@ -120,6 +121,8 @@ def run(
     check_model(model, teacher, world, {model.dt})
     if robot_model is not None:
         check_model(robot_model, robot, world, {robot_model.dt})
+    horizon = default_horizon(robot_model or model) if horizon is None else horizon
+    settings["horizon"] = horizon
     simulation = Simulation(world, model, robot_model, people, horizon, threshold, max_steps, seed)
     record = run_record("simulate", settings, model_files([teacher, robot]))
     record["models"] = {"teacher": model.sha256} | ({"robot": robot_model.sha256} if robot_model else {})
