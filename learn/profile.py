@@ -20,6 +20,7 @@ CLOSE = 0.01  # of the drop to the one asked for, in nats
 BEYOND = 2.0  # nats below it at which no separate piece is looked for any more
 MOST_POINTS = 60
 LOOKS, GRID, BEST, AGAIN = 4, 10, 2, 0.03
+AS_EXPECTED = 0.05
 LIMITS_AT_REST = ("delay", "hold")  # whose least value, 0, ends them; others are open there
 SLOPE = 0.05
 
@@ -150,7 +151,8 @@ class Profile:
         self._metric = np.asarray((axes / np.maximum(sizes, 1.0)) @ axes.T)
         self._tangent = -self._metric @ inner[:-1, -1]
         left = float(inner[-1, -1] + inner[:-1, -1] @ self._tangent)
-        self._step = 0.5 / math.sqrt(left) if left > 1.0 else 0.5
+        self._bend = max(left, 1.0)
+        self._step = 0.5 / math.sqrt(self._bend)
         self._start = self.slice.value(self.centre)
 
     def _best(self, value: float, rest: Floats, steps: int = STEPS, gain: float = GAIN) -> Visit:
@@ -178,8 +180,9 @@ class Profile:
     def end(self, direction: int, drop: float) -> End:
         """Where the log-likelihood is last `drop` nats below the optimum, going up (1) or down (-1).
 
-        The walk goes on until it is BEYOND further down, in case it rises again; and from the end found,
-        if climbs from a little aside find it higher there.
+        The walk goes on until it is BEYOND further down, in case it rises again; and from the end found, if
+        climbs from elsewhere find it higher there. They are not tried where the end is, but for AS_EXPECTED
+        of the way, where the curvature at the optimum has it: the log-likelihood is a parabola then.
         """
         space, held = self.slice.objective.space, self.slice.held
         limit = float((space.least if direction < 0 else space.most)[held])
@@ -189,6 +192,9 @@ class Profile:
             if outside is None:
                 return self._open(inside, direction)
             at = self._crossing(inside, outside, drop)
+            expected = abs(at.value - self._start) * math.sqrt(self._bend / 2 / drop)
+            if abs(expected - 1) < AS_EXPECTED:
+                break
             here = self._looked_again(at)
             if here.drop > at.drop - AGAIN:
                 break
