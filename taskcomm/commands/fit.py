@@ -6,8 +6,6 @@ from typing import Any
 
 import typer
 
-import typer
-
 from learn import fit
 from learn.settings import Settings
 from learn.timescale import settings_at
