@@ -30,7 +30,7 @@ def slower(model: TeacherModel, factor: float) -> TeacherModel:
 
 
 @cache
-def cue_trials(count: int = 14, steps: int = 60, people: int = 6, seed: int = 0) -> tuple[Trial, ...]:
+def cue_trials(count: int = 10, steps: int = 60, people: int = 6, seed: int = 0) -> tuple[Trial, ...]:
     """Trials of TRUE in which each cue changes now and then."""
     trials = []
     for number in range(count):

@@ -33,7 +33,7 @@ def test_fit_writes_a_model_and_sets_it_beside_other_accounts(
 ) -> None:
     out, figure = table.with_name("model.json"), table.with_name("cues.png")
     before = table.read_bytes()
-    fast = ("--starts", 1, "--folds", 2, "--jobs", 1)
+    fast = ("--starts", 1, "--intervals", "none", "--folds", 2, "--jobs", 1)
     assert run("fit", table, "--out", out, "--figure", figure, *fast) == DONE
     shown = capsys.readouterr().out
     for account in ("constant probability", "intuitive table-top", "fitted table-top", "with decay"):
@@ -60,7 +60,7 @@ def test_parquet_gives_the_same_fit_as_csv(table: Path, capsys: pytest.CaptureFi
     parquet.write_table(csv.read_csv(table), table.with_suffix(".parquet"))
     found = []
     for path in (table, table.with_suffix(".parquet")):
-        fast = ("--starts", 1, "--folds", 0, "--json")
+        fast = ("--starts", 1, "--intervals", "none", "--folds", 0, "--json")
         assert run("fit", path, "--out", table.with_name("model.json"), *fast) == DONE
         found.append(json.loads(capsys.readouterr().out))
     assert found[0] == found[1]
@@ -73,7 +73,7 @@ def test_a_model_file_says_which_cue_drives_which_state(
     start = TeacherModel(0.005, {"approves": TableTop("right", 0.1, 2.0, 2.0)})
     start.save(table.with_name("start.json"))
     out = table.with_name("model.json")
-    fast = ("--starts", 1, "--folds", 2, "--jobs", 1, "--json")
+    fast = ("--starts", 1, "--intervals", "none", "--folds", 2, "--jobs", 1, "--json")
     assert run("fit", table, "--initial", table.with_name("start.json"), "--out", out, *fast) == DONE
     assert TeacherModel.load(out).approvals["approves"].cue == "right"
     accounts = json.loads(capsys.readouterr().out)["comparison"]["accounts"]
@@ -105,7 +105,10 @@ def test_a_step_length_is_taken_from_the_command_where_the_table_has_none(
     assert "give it in seconds, as a column 'dt' or with --dt" in capsys.readouterr().out
     assert run("validate", table, "--dt", 0.2) == DONE
     out = table.with_name("model.json")
-    assert run("fit", table, "--dt", 0.2, "--starts", 1, "--folds", 0, "--out", out) == DONE
+    assert (
+        run("fit", table, "--dt", 0.2, "--starts", 1, "--intervals", "none", "--folds", 0, "--out", out)
+        == DONE
+    )
     assert TeacherModel.load(out).dt == 0.2
 
 
