@@ -1,6 +1,7 @@
 """A population: what it gives of teachers met and not met, its file, its errors."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -13,23 +14,28 @@ from taught import WORLD, operator_trials
 from learn import FitError, Population, fit, fit_population, log_likelihood
 from learn.held_out_teachers import POOLED, SEPARATE, UPDATED, held_out_teachers
 from learn.population import ALIKE
-from learn.population_study import drawn_teachers, median_teacher, study
+from learn.population_study import drawn_teachers, median_teacher
 from taskcomm.robot import Robot
-from taskcomm.teacher import ModelError
+from taskcomm.teacher import ModelError, TeacherModel
 from taskcomm.trials import Trial
 
 TEACHERS, EACH = 5, 2
 
 
-@cache
-def trials() -> tuple[Trial, ...]:
-    """Simulated: trials of five teachers who differ, with the scripted operator."""
+def taught_by(teachers: Sequence[TeacherModel], each: int) -> tuple[Trial, ...]:
+    """Simulated: trials of every teacher with the scripted operator."""
     taught = []
-    for number, teacher in enumerate(drawn_teachers(TEACHERS, 0.5, np.random.default_rng(7))):
-        for trial in operator_trials(EACH, teacher, seed=number):
+    for number, teacher in enumerate(teachers):
+        for trial in operator_trials(each, teacher, seed=number):
             name = f"{number}-{trial.trial_id}"
             taught.append(replace(trial, trial_id=name, participant_id=f"teacher {number}"))
     return tuple(taught)
+
+
+@cache
+def trials() -> tuple[Trial, ...]:
+    """Trials of five teachers who differ."""
+    return taught_by(drawn_teachers(TEACHERS, 0.5, np.random.default_rng(7)), EACH)
 
 
 @cache
@@ -200,7 +206,7 @@ def test_trials_without_a_participant_are_teachers_of_their_own_who_may_vary_tog
 @pytest.mark.verify
 def test_a_population_is_recovered_from_simulated_trials() -> None:
     """Means and spreads within three of their own standard errors, where the data say anything."""
-    taught = study(drawn_teachers(40, 0.6, np.random.default_rng(0)), 6, seed=5)
+    taught = taught_by(drawn_teachers(40, 0.6, np.random.default_rng(0)), 5)
     found = fit_population(taught, WORLD, starts=3)
     truth = found.space.point(median_teacher())
     assert found.converged
@@ -213,6 +219,6 @@ def test_a_population_is_recovered_from_simulated_trials() -> None:
 
 @pytest.mark.verify
 def test_teachers_who_are_alike_are_mostly_found_so() -> None:
-    taught = study(drawn_teachers(20, 0.0, np.random.default_rng(0)), 4, seed=6)
+    taught = taught_by(drawn_teachers(20, 0.0, np.random.default_rng(0)), 4)
     found = fit_population(taught, WORLD, starts=3)
     assert sum(each.mark == ALIKE for each in found.common) >= 8
