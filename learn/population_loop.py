@@ -3,8 +3,8 @@
     python -m learn.population_loop --out notebooks/results
 
 A population and one model for all are fitted to the trials of some teachers. New teachers, drawn like
-them, are each met in some trials; then robots with the model for all, with the mean teacher, with the teacher
-as updated by those trials, and with the teacher's true model teach the same tasks with the same luck.
+them, are each met in some trials. Then they teach the same tasks, with the same luck, to robots that have
+the model for all, the teacher as updated by those trials, and the teacher's true model.
 Nobody took part: every teacher and operator is a program.
 """
 
@@ -23,12 +23,12 @@ from learn.population_study import WORLD, drawn_teachers, study, write_rows
 from taskcomm.parallel import map_in_order
 from taskcomm.teacher import TeacherModel
 
-POOLED, MEAN, UPDATED, TRUE = "pooled", "mean teacher", "updated", "true"
+POOLED, UPDATED, TRUE = "pooled", "updated", "true"
 
 
 @dataclass
 class Met:
-    """New teachers, each met in `known` trials and then taught by every robot in `trials` more."""
+    """New teachers, each met in `known` trials, who then teach every robot in `trials` more."""
 
     population: Population
     teachers: tuple[TeacherModel, ...]
@@ -43,7 +43,6 @@ class Met:
         known = study([truth], self.known, self.seed + 1 + number)
         arms = {
             POOLED: self.population.pooled,
-            MEAN: self.population.model,
             UPDATED: self.population.teacher(known),
             TRUE: truth,
         }
@@ -94,15 +93,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--spread", type=float, default=0.6)
     parser.add_argument("--fitted", type=int, default=20, help="teachers of the fit, four trials each")
-    parser.add_argument("--met", type=int, default=16, help="new teachers")
-    parser.add_argument("--known", type=int, default=8, help="trials in which each was met")
+    parser.add_argument("--met", type=int, default=12, help="new teachers")
+    parser.add_argument("--known", type=int, default=6, help="trials in which each was met")
     parser.add_argument("--trials", type=int, default=4, help="trials of each robot with each teacher")
-    parser.add_argument("--horizon", type=int, default=3)
+    parser.add_argument("--horizon", type=int, default=2)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1)
     given = parser.parse_args(arguments)
     everybody = drawn_teachers(given.fitted + given.met, given.spread, np.random.default_rng([given.seed, 2]))
-    population = fit_population(study(everybody[: given.fitted], 4, given.seed), WORLD, starts=3)
+    population = fit_population(study(everybody[: given.fitted], 4, given.seed), WORLD, starts=2, draws=200)
     new = tuple(everybody[given.fitted :])
     met = Met(population, new, given.known, given.trials, given.horizon, given.seed)
     loop = together(map_in_order(met, range(len(new)), given.jobs))
