@@ -49,7 +49,6 @@ class Baselines:
     arms: Mapping[str, Arm]
     people: tuple[str, ...]
     fold: NDArray[np.int64]
-    presses: int
     held_out_by: str
 
     def per_trial(self, arm: str, baseline: str | None = None) -> Interval:
@@ -58,13 +57,13 @@ class Baselines:
         return ratio_interval(gain, np.ones(len(gain)), self.people)
 
     def bic(self, arm: str) -> float:
-        """Free parameters times log(presses), minus twice the log-likelihood; the lower the better.
+        """Free parameters times log(people), minus twice the log-likelihood; the smaller the better.
 
-        Presses stand for the size of the sample, since steps without one say little each (Volinsky and
-        Raftery, Bayesian information criterion for censored survival models, 2000).
+        People, who are held out and resampled too, are what the sample counts (trials, for one person).
         """
-        found = self.arms[arm]
-        return float(found.parameters * np.log(max(self.presses, 1)) - 2 * found.log_likelihood.sum())
+        found, units = self.arms[arm], len(set(self.people))
+        size = units if self.held_out_by == "person" else len(self.fold)
+        return float(found.parameters * np.log(size) - 2 * found.log_likelihood.sum())
 
     def to_json(self) -> dict[str, Any]:
         """The table as plain values."""
@@ -119,9 +118,8 @@ def compare_baselines(
     for name, model in given.items():
         scores = np.asarray(log_likelihoods(trials, trials[0].world, model))
         arms[name] = Arm(0, scores, scores, model)
-    presses = sum(int(trial.presses.sum()) for trial in trials)
     arms = {name: arms[name] for name in (CONSTANT, *given, *settings, BINS)}
-    return Baselines(arms, people, fold, presses, by)
+    return Baselines(arms, people, fold, by)
 
 
 class _Found(NamedTuple):

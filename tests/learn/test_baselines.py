@@ -109,10 +109,11 @@ def test_a_trial_is_scored_by_fits_that_did_not_see_its_person(found: Baselines)
     assert found.arms[FITTED].held_out[found.fold == 0] == pytest.approx(expected)
 
 
-def test_bic_counts_parameters_by_presses(found: Baselines) -> None:
-    presses = sum(int(trial.presses.sum()) for trial in cue_trials())
-    arm = found.arms[CONSTANT]
-    assert found.bic(CONSTANT) == pytest.approx(np.log(presses) - 2 * arm.log_likelihood.sum())
+def test_bic_counts_parameters_by_people(found: Baselines) -> None:
+    assert len(set(found.people)) == 6
+    for name, arm in found.arms.items():
+        expected = arm.parameters * np.log(6) - 2 * arm.log_likelihood.sum()
+        assert found.bic(name) == pytest.approx(expected)
 
 
 def test_one_person_alone_is_held_out_trial_by_trial_and_one_trial_is_an_error() -> None:
