@@ -20,10 +20,14 @@ _HOME = {
     "InvalidAction": "taskcomm.world",
     "LogError": "taskcomm.logs",
     "ModelError": "taskcomm.teacher",
+    "NormalChannel": "taskcomm.channels",
+    "ObservationModel": "taskcomm.channels",
+    "PlainChannel": "taskcomm.channels",
     "Robot": "taskcomm.robot",
     "ScriptedOperator": "taskcomm.operators",
     "SimulatedTeacher": "taskcomm.simulate",
     "TableTop": "taskcomm.teacher",
+    "TargetChannel": "taskcomm.channels",
     "Task": "taskcomm.tasks",
     "TeacherModel": "taskcomm.teacher",
     "Trial": "taskcomm.trials",
@@ -37,6 +41,10 @@ __all__ = [*sorted(_HOME)]
 if TYPE_CHECKING:
     from taskcomm.belief import Belief as Belief
     from taskcomm.belief import ImpossibleObservation as ImpossibleObservation
+    from taskcomm.channels import NormalChannel as NormalChannel
+    from taskcomm.channels import ObservationModel as ObservationModel
+    from taskcomm.channels import PlainChannel as PlainChannel
+    from taskcomm.channels import TargetChannel as TargetChannel
     from taskcomm.logs import LogError as LogError
     from taskcomm.logs import read_trials as read_trials
     from taskcomm.logs import write_trials as write_trials

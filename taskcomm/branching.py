@@ -31,6 +31,7 @@ from taskcomm.world import World
 
 HORIZON = 3  # steps that a planner looks ahead where a step has many outcomes, unless told otherwise
 MOST_STATES = 50_000  # world states whose moves are kept
+MOST_WEIGHTS = 1 << 20  # weights of beliefs and outcomes that are looked at together
 
 
 def looks_beyond_the_key(model: TeacherModel) -> bool:
@@ -195,6 +196,10 @@ class _Search:
 
     def values(self, node: _Node, state: Hashable, horizon: int) -> Floats:
         """Q_horizon of every action for every belief of a node, (actions, beliefs)."""
+        half = len(node.weight) // 2
+        if half and node.weight.size * len(self.table) > MOST_WEIGHTS:
+            parts = [node._replace(weight=part) for part in (node.weight[:half], node.weight[half:])]
+            return np.concatenate([self.values(part, state, horizon) for part in parts], axis=1)
         moves = self.tree.moves(state)
         ahead = self._ahead(node, moves.cues[:, :, self.tasks])
         self.nodes += len(node.weight)

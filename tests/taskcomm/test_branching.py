@@ -206,3 +206,15 @@ def test_warming_up_leaves_random_ties_as_they_were() -> None:
     chosen = [[planner.plan(belief, state).action for _ in range(8)] for planner in (cold, warm)]
     assert chosen[0] == chosen[1]
     assert np.unique([str(action) for action in chosen[0]]).size > 1
+
+
+def test_beliefs_searched_a_few_at_a_time_have_the_same_values(monkeypatch: pytest.MonkeyPatch) -> None:
+    world, model = BallWorld(2, 1), gazing()
+    belief, state = Belief.initial(world, model), world.start()
+    whole = BranchingTree(world, model).search(belief, state, 3, 1.0)
+    monkeypatch.setattr("taskcomm.branching.MOST_WEIGHTS", 100)
+    parts = BranchingTree(world, model).search(belief, state, 3, 1.0)
+    assert whole is not None
+    assert parts is not None
+    assert parts.bound == pytest.approx(whole.bound, abs=1e-12)
+    assert parts.nodes == whole.nodes
