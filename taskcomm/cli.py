@@ -166,6 +166,45 @@ def population(
     raise typer.Exit(command.run(**settings))
 
 
+@app.command(epilog="Example: taskcomm structure trials.jsonl --out model.json --rest 0 --rest 1")
+def structure(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Trial logs: files, or directories of them; or cue tables (.csv, .parquet).", exists=True
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="Model file to write, in a folder that is there.")],
+    initial: Annotated[str, typer.Option(help="Model to start from: a file, or 'intuitive'.")] = "intuitive",
+    convert_dt: ConvertDt = False,
+    rests: Annotated[
+        list[float] | None,
+        typer.Option("--rest", min=0, help="Rest to try, in seconds; repeatable (default: 0 to 4 steps)."),
+    ] = None,
+    confidence: Annotated[
+        float, typer.Option(min=0.5, max=0.999, help="How often what is named shall hold the truth.")
+    ] = 0.9,
+    folds: Annotated[int, typer.Option(min=2, help="Folds of people.")] = 5,
+    starts: Annotated[int, typer.Option(min=1, help="Starts of EM in thorough fits.")] = 6,
+    thorough: Annotated[int, typer.Option(min=1, help="How many structures to fit thoroughly.")] = 3,
+    task_unknown: Annotated[
+        bool, typer.Option("--task-unknown", help="Leave the task cards unused, as if they were lost.")
+    ] = False,
+    dt: TableStep = None,
+    seed: Seed = 0,
+    json: Json = False,
+) -> None:
+    """Search which cue drives each mental state, and whether there is a delay, a decay or a rest.
+
+    A greedy search, one factor at a time, by the log-likelihood of people left out. Chosen is the structure
+    with the fewest parameters within one standard error of the best, and said is what the trials cannot tell.
+    """
+    settings = dict(locals())
+    from taskcomm.commands import structure as command
+
+    raise typer.Exit(command.run(**settings))
+
+
 @app.command(
     epilog="Example: taskcomm compare trials.jsonl --models intuitive fit.json --closed-loop 100 --out cmp"
 )
