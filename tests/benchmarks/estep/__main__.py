@@ -27,8 +27,8 @@ TEXT = """\
 One cue, always on; rise = fall = 2 s, steps of 0.5 s: the teacher as a chain of 12 states (level reached,
 mental state) with a constant transition matrix. {trials} simulated trials of {steps} steps, float64, every
 way on the same one core, all ways in turn, {rounds} rounds; processor time, compilation apart.
-  time   of a trial, as a multiple of our E-step's (Evidence.expect on the lattice of the model): median over
-         the rounds of the ratio within a round, and quartiles
+  time   of a trial, as a multiple of our E-step's (Evidence.expect on the lattice of the model): in a round
+         the least of the runs of a tenth of a second; median over the rounds of the ratio, and quartiles
 Our E-step gives log-likelihood, P(memory, reason) at every press, P(memory), and the rates in every
 parameter; ours forward and backward, and the peers, log-likelihood and posterior probabilities alone, and
 transition counts where it says so.
