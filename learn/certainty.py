@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,7 @@ from learn.exposure import FitError, trials_given
 from learn.information import Information, information
 from learn.intervals import How, Method, ParameterInterval, Uncertainty
 from learn.mstep import Objective
+from learn.optimum import climb_smoothly
 from learn.profile import CLOSE, Profile, Slice
 from learn.resampling import groups_of, resampled
 from learn.result import FitResult
@@ -23,6 +24,7 @@ from taskcomm.trials import Trial
 from taskcomm.world import World
 
 METHODS = ("likelihood", "wald", "bootstrap")
+MOST_TOPS = 3
 Held = tuple[int, int | None]  # the coordinate of a parameter and, for a ratio, that of its divisor
 
 
@@ -42,7 +44,8 @@ def uncertainty(
     """Standard errors and intervals at confidence `level` for every parameter of a fit to `trials`.
 
     "likelihood": all values at which the profile log-likelihood is within half the chi-squared quantile
-    (1.92 nats at 0.95) of its greatest; kinks, bounds and ridges are no trouble to it. "wald": estimate
+    (1.92 nats at 0.95) of its greatest; kinks, bounds and ridges are no trouble to it. Where the fit was
+    not the greatest, it is begun again from what was (`Uncertainty.above`). "wald": estimate
     and standard errors on the scale of the coordinate (log odds, logarithms), for the parameters that
     have them. "bootstrap": percentiles of fits to `resamples` draws of teachers (`participant_id`; a
     trial without one counts as a teacher). Only this one, and `robust_error`, allow for teachers who
@@ -84,15 +87,20 @@ def uncertainty(
         return intervals.assembled(
             _percentiles(objective, result, draws, level), method, level, draws=draws, seed=seed
         )
-    items = intervals.informed()
-    walk = Walk(objective, centre, found.bend, ndtri((1 + level) / 2) ** 2 / 2)
-    found_limits = map_in_order(walk, items, jobs, lambda done: tell(done, len(items)))
-    return intervals.profiled(items, found_limits, level)
+    drop, items = ndtri((1 + level) / 2) ** 2 / 2, intervals.informed()
+    for _ in range(MOST_TOPS):
+        walk = Walk(objective, centre, information(objective, centre).bend, drop)
+        limits = map_in_order(walk, items, jobs, lambda done: tell(done, len(items)))
+        highest = max(limits, key=lambda each: each.above, default=None)
+        if highest is None or highest.above < CLOSE:
+            break
+        centre = climb_smoothly(objective, highest.top)[0]
+    return intervals.profiled(items, limits, level, objective.value(centre))
 
 
 @dataclass(frozen=True)
 class Limits:
-    """An interval in natural parameters; `above` and `within` (places, 1 + 6 M) are those of `Profile`."""
+    """An interval in natural parameters; `above`, `within` (places, 1 + 6 M) and `top` are a `Profile`'s."""
 
     low: float
     high: float
@@ -100,7 +108,8 @@ class Limits:
     open_low: bool = False
     open_high: bool = False
     above: float = 0.0
-    within: Floats | None = None
+    within: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    top: Floats = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -119,7 +128,7 @@ class Walk:
         low, high = profile.end(-1, self.drop), profile.end(1, self.drop)
         ends = (along.natural(low.point), along.natural(high.point))
         within = profile.within(self.drop + CLOSE)
-        return Limits(*ends, "profile", low.open, high.open, profile.above, within)
+        return Limits(*ends, "profile", low.open, high.open, profile.above, within, profile.highest())
 
 
 @dataclass(frozen=True)
@@ -168,10 +177,12 @@ class _Intervals:
                 limits |= dict.fromkeys(self.named((int(c), None)), Limits(low, high, "wald"))
         return limits
 
-    def profiled(self, items: Sequence[Held], found: Sequence[Limits], level: float) -> Uncertainty:
+    def profiled(
+        self, items: Sequence[Held], found: Sequence[Limits], level: float, top: float
+    ) -> Uncertainty:
         limits = {name: each for item, each in zip(items, found, strict=True) for name in self.named(item)}
-        above = max((each.above for each in found), default=0.0)
-        within = [each.within for each in found if each.within is not None and len(each.within)]
+        above = max(0.0, top - self.objective.value(self.centre))
+        within = [each.within for each in found if len(each.within)]
         draws = np.concatenate([vector_of(self.result.model)[None], *within])
         return self.assembled(limits, "likelihood", level, above, draws)
 

@@ -53,7 +53,7 @@ class Plan:
     methods: tuple[Method, ...] = ("likelihood", "wald")
     resamples: int = 200
     level: float = 0.95
-    starts: int = 3
+    starts: int = 6
 
     def study(self, number: int) -> tuple[Trial, ...]:
         """The trials of study `number`, always the same for a seed."""

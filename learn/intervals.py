@@ -64,10 +64,10 @@ class Uncertainty:
     peak/rise where only these are known.
 
     `method` and, for the bootstrap, `resamples` and `seed` say how they were made; `teachers` is how many
-    there were. `above` (nats) is how much more likely a point beside the fit was found to be: above 0.01
-    the fit was not at its best. `draws` (any number, 1 + 6 M) are natural parameters as far out as the
-    intervals reach: the fits of the bootstrap, or the places at most the drop down that the profiles
-    visited. They are not kept in files.
+    there were. `above` (nats) is how much higher than the fit the profiles found the log-likelihood: above
+    0.01 a fit with more starts would be better, and an estimate may lie off the middle of its interval.
+    `draws` (any number, 1 + 6 M) are natural parameters as far out as the intervals reach: the fits of the
+    bootstrap, or the places at most the drop down that the profiles visited. They are not kept in files.
     """
 
     method: Method

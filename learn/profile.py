@@ -171,6 +171,13 @@ class Profile:
         """How much higher than the optimum some place was, in nats: more than a little, and it was none."""
         return max(0.0, *(-visit.drop for visit in self.visits))
 
+    def highest(self) -> Floats:
+        """The highest place of all, in all coordinates."""
+        best = min(self.visits, key=lambda visit: visit.drop, default=None)
+        if best is None or best.drop >= 0:
+            return self.centre
+        return self.slice.point(best.value, best.rest)
+
     def within(self, drop: float) -> Floats:
         """The natural parameters of the places visited that are at most `drop` down, (places, 1 + 6 M)."""
         vector, point = self.slice.objective.space.vector, self.slice.point
