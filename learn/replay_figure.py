@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from learn.plots import COLOURS, axes_or_new, styled
 from taskcomm.replay import BeliefPath, PressReason
 
+PLAIN = {"waiting": "0.75", "mistake": "0.25"}  # what is no approval has no colour
 NAMES = {"mov": "ball to move", "wrt": "with respect to ball", "dist": "at distance"}
 
 
@@ -46,9 +47,11 @@ def marginal_over_time(
 
 
 def mark_presses(path: BeliefPath, ax: Axes) -> None:
-    """A vertical line at every press."""
+    """A vertical line at every press, a pale band over every step whose key was not recorded."""
     for time in path.press_times:
         ax.axvline(time, color="0.45", linewidth=0.9, zorder=0)
+    for step in np.flatnonzero(~path.recorded):
+        ax.axvspan(path.time[step], path.time[step + 1], color="0.9", linewidth=0, zorder=-1)
     ax.set_xlim(0, path.time[-1] if len(path.time) > 1 else 1)
 
 
@@ -65,10 +68,33 @@ def entropy_of_path(path: BeliefPath, ax: Axes | None = None) -> Axes:
 
 
 @styled
+def signals_over_time(path: BeliefPath, channel: str, ax: Axes | None = None) -> Axes:
+    """What one channel showed in each step: values as rows of dots, numbers as dots alone."""
+    ax = axes_or_new(ax, 7, 1)
+    seen = [
+        (at, value)
+        for at, value in zip(path.time[1:], path.signals[channel], strict=True)
+        if value is not None
+    ]
+    times, shown = [at for at, _ in seen], [value for _, value in seen]
+    if any(isinstance(value, str) for value in shown):
+        values = sorted({str(value) for value in shown})
+        shown = [values.index(str(value)) for value in shown]
+        ax.set_yticks(range(len(values)), values)
+        ax.set_ylim(-0.6, len(values) - 0.4)
+        ax.invert_yaxis()
+    ax.plot(times, shown, linestyle="", marker="o", markersize=3.5, color=COLOURS[0])
+    mark_presses(path, ax)
+    ax.set_title(f"signal: {channel}")
+    return ax
+
+
+@styled
 def reasons_of_presses(reasons: Sequence[PressReason], ax: Axes | None = None) -> Axes:
     """For each press, P(mental state) at once (left bar) and with the whole trial known (right bar)."""
     ax = axes_or_new(ax, 7, 2)
     states = list(reasons[0].at_end) if reasons else []
+    colours = [PLAIN[state] for state in states if state in PLAIN] + list(COLOURS)
     for place, state in enumerate(states):
         for shift, when in ((-0.2, "at_once"), (0.2, "at_end")):
             heights = [getattr(reason, when)[state] for reason in reasons]
@@ -78,7 +104,7 @@ def reasons_of_presses(reasons: Sequence[PressReason], ax: Axes | None = None) -
                 heights,
                 width=0.36,
                 bottom=below,
-                color=("0.25", *COLOURS)[place % 8],
+                color=colours[place % 8],
                 alpha=0.55 if when == "at_once" else 1.0,
                 label=state if when == "at_end" else None,
             )
@@ -102,15 +128,20 @@ def reasons_of_presses(reasons: Sequence[PressReason], ax: Axes | None = None) -
 def replay_figure(
     path: BeliefPath, reasons: Sequence[PressReason], truth: Any = None, title: str = ""
 ) -> Figure:
-    """Marginals, entropy and reasons of presses of one trial, one above the other."""
+    """Marginals, entropy, signals and reasons of presses of one trial, one above the other."""
     fields: tuple[str | None, ...] = path.fields or (None,)
-    panels = len(fields) + 1 + bool(reasons)
+    above = len(fields) + 1 + len(path.signals)
+    panels = above + bool(reasons)
     figure = Figure(figsize=(8.6, 1.75 * panels + 0.4))
     axes = figure.subplots(panels, 1, squeeze=False)[:, 0]
     for ax, field in zip(axes, fields, strict=False):
         part = truth if field is None or truth is None else getattr(truth, field)
         marginal_over_time(path, field, ax, part)
-    entropy_of_path(path, axes[len(fields)]).set_xlabel("seconds (grey lines: presses)")
+    entropy_of_path(path, axes[len(fields)])
+    for ax, channel in zip(axes[len(fields) + 1 :], path.signals, strict=False):
+        signals_over_time(path, channel, ax)
+    gaps = "" if path.recorded.all() else "; bands: key not recorded"
+    axes[above - 1].set_xlabel(f"seconds (grey lines: presses{gaps})")
     if reasons:
         reasons_of_presses(reasons, axes[-1])
     if title:

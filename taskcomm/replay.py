@@ -22,7 +22,7 @@ class BeliefPath:
     """The belief before the first step and after each: `marginal` is (steps + 1, tasks), `time` in seconds.
 
     `pressed` is (steps,): press s falls in the step that ends at time[s + 1]; `recorded` is (steps,), False
-    where the key was not recorded.
+    where the key was not recorded; `signals` are further observations by channel, None where missing.
     """
 
     world: World
@@ -30,6 +30,7 @@ class BeliefPath:
     marginal: Floats
     pressed: NDArray[np.bool_]
     recorded: NDArray[np.bool_]
+    signals: Mapping[str, tuple[str | float | None, ...]]
 
     @property
     def entropy(self) -> Floats:
@@ -81,6 +82,9 @@ class BeliefPath:
                 bool(key) if recorded else None
                 for key, recorded in zip(self.pressed, self.recorded, strict=True)
             ],
+            **(
+                {"signals": {name: list(seen) for name, seen in self.signals.items()}} if self.signals else {}
+            ),
         }
 
 
@@ -107,7 +111,8 @@ def belief_path(trial: Trial, model: TeacherModel, prior: ArrayLike | None = Non
         belief = _after(belief, trial, step)
         rows.append(belief.marginal())
     time = np.arange(trial.num_steps + 1, dtype=np.float64) * trial.dt
-    return BeliefPath(trial.world, time, np.array(rows), trial.presses, trial.recorded)
+    signals = {name: trial.signals(name) for name in model.observation.channels if name in trial.channels}
+    return BeliefPath(trial.world, time, np.array(rows), trial.presses, trial.recorded, signals)
 
 
 def situation(trial: Trial, model: TeacherModel, step: int) -> tuple[Belief, Hashable]:

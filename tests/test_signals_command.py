@@ -8,8 +8,10 @@ from typing import Any
 import pytest
 from signalled import gazing
 
+from learn.replay_figure import replay_figure
 from taskcomm.cli import main
 from taskcomm.logs import read_trials, write_trials
+from taskcomm.replay import belief_path
 from taskcomm.teacher import TeacherModel
 from taskcomm.trials import Step
 
@@ -55,6 +57,8 @@ def test_a_replay_believes_the_signals_and_explains_the_plan_over_the_key(
     seeing = _replayed(folder, capsys, folder / "gazing.json")
     deaf = _replayed(folder, capsys, "intuitive")
     assert seeing["pressed"] == deaf["pressed"]
+    assert seeing["signals"].keys() == {"gaze"}
+    assert "signals" not in deaf
     assert seeing["highest"] != deaf["highest"]
     assert seeing["explanation"]["horizon"] == 2
     assert seeing["explanation"]["marginal"] != deaf["explanation"]["marginal"]
@@ -70,6 +74,21 @@ def test_a_key_that_was_not_recorded_is_null_in_a_replay(
     assert run("replay", tmp_path / "log.jsonl", "--json") == DONE
     pressed = json.loads(capsys.readouterr().out)["pressed"]
     assert pressed == [step.pressed for step in steps]
+
+
+def test_the_figure_has_a_panel_for_each_channel_and_bands_where_no_key_was_recorded(folder: Path) -> None:
+    (trial, _) = read_trials(folder / "log.jsonl")
+    steps = tuple(replace(step, pressed=None) if t in (1, 2) else step for t, step in enumerate(trial.steps))
+    unsure = replace(trial, steps=steps)
+    bare = replay_figure(belief_path(trial, TeacherModel.intuitive()), ())
+    full = replay_figure(belief_path(unsure, gazing()), ())
+    assert full.axes[-1].get_title(loc="left") == "signal: gaze"
+    assert len(full.axes) == len(bare.axes) + 1
+    dots = full.axes[-1].lines[0]
+    assert len(dots.get_xdata()) == trial.num_steps  # type: ignore[arg-type]
+    assert all(len(ax.patches) == 2 for ax in full.axes)
+    assert not any(ax.patches for ax in bare.axes)
+    assert full.axes[-1].get_xlabel() == "seconds (grey lines: presses; bands: key not recorded)"
 
 
 def test_a_signal_that_the_model_does_not_know_is_named_with_trial_and_step(
