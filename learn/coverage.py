@@ -61,7 +61,7 @@ class Plan:
         trials = []
         for index in range(self.trials):
             if index % 2 == 0:
-                teacher = self._teacher(rng)
+                teacher = self.teacher(rng)
             session = Session(
                 trial_id=f"s{number}-{index}",
                 participant_id=f"p{index // 2}",
@@ -75,7 +75,8 @@ class Plan:
             trials.append(session.run())
         return tuple(trials)
 
-    def _teacher(self, rng: np.random.Generator) -> TeacherModel:
+    def teacher(self, rng: np.random.Generator) -> TeacherModel:
+        """One teacher of a study."""
         vector = vector_of(TRUTH)
         moved = np.arange(1, 1 + 3 * len(TRUTH.approvals))
         vector[moved] *= np.exp(self.spread * rng.standard_normal(len(moved)))
