@@ -16,6 +16,7 @@ _HOME = {
     "MistakePrior": "learn.mstep",
     "Population": "learn.population",
     "Uncertainty": "learn.intervals",
+    "Prior": "learn.prior",
     "compare_models": "learn.compare",
     "fit": "learn.em",
     "fit_population": "learn.empirical_bayes",
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from learn.intervals import Uncertainty as Uncertainty
     from learn.mstep import MistakePrior as MistakePrior
     from learn.population import Population as Population
+    from learn.prior import Prior as Prior
     from learn.result import FitResult as FitResult
 
 

@@ -49,6 +49,8 @@ def audited(
         verdict, why = "given", "not learned"
     elif mark == "no data":
         verdict, why = "none", "it stays where it was"
+    elif mark == "flat":
+        verdict, why = "none", "nothing near it changes the likelihood"
     return Audited(parameter, steps, presses, verdict, why)
 
 

@@ -11,6 +11,7 @@ from learn.conclude import conclude
 from learn.coordinates import NAMES, Coordinates, parameters_at
 from learn.estep import Evidence
 from learn.exposure import FitError, expose, trials_given
+from learn.imagined import pull_of
 from learn.mstep import Objective
 from learn.observing import Observing, with_channels
 from learn.optimum import COARSE, across_breakpoints, climb_smoothly, polish, recombine
@@ -45,7 +46,8 @@ def fit(
     `Settings`, changed from `settings` (its defaults). Learned are mistake, peaks, rises, falls and, with
     `delays`, `decays`, `holds` (True, or "shared" for one in all approval states), those; rest and cues
     stay those of `initial`. The task of a trial is its card's; where that is None, all tasks are summed
-    over with `task_prior` (uniform by default). `mistake_prior` may be None. EM stops when an iteration
+    over with `task_prior` (uniform by default). `prior` draws the fit towards a model, see `learn.prior`;
+    `mistake_prior`, on mistake alone, may be None. EM stops when an iteration
     gains no more than `rtol` of the objective, or unconverged after `max_iter` iterations. `search=False`
     leaves EM alone. `observe` names what is learned of the observation model: "miss", "false_press", or
     channels (a signal that the initial model has no channel for gets one). With `labels`, presses that
@@ -136,7 +138,10 @@ def prepare(
     space = _space(initial, settings, rows & exposure.cue_ever_on)
     evidence = Evidence(exposure).with_weights(weights)
     observing = Observing(trials, world, initial, settings.observe, evidence) if settings.observe else None
-    return Objective(evidence, base, space, settings.mistake_prior, observing)
+    pull = None
+    if settings.prior is not None and settings.prior.trials > 0:
+        pull = pull_of(settings.prior, trials, world, initial, space, weights, settings.task_prior)
+    return Objective(evidence, base, space, settings.mistake_prior, observing, pull)
 
 
 def _impossible(objective: Objective, point: Floats) -> str:

@@ -156,6 +156,8 @@ def information(objective: Objective, point: Floats) -> Information:
         step = STEP * np.eye(len(point))[i]
         ahead, behind = (space.rates(space.vector(at), rates) for at in (point + step, point - step))
         bend[i] += (ahead - behind) / (2 * STEP)
+    if objective.pull is not None:
+        bend -= objective.pull.precision
     score = np.array([space.rates(vector, row) for row in found.score])
     return Information(point, -(bend + bend.T) / 2, score, jacobian)
 

@@ -1,12 +1,17 @@
 """The M-step: raise the expected log-likelihood jointly over mistake and all table-tops."""
 
 import math
+from copy import copy
 from dataclasses import dataclass
+from typing import Self
+
+from numpy.typing import ArrayLike
 
 from learn.ascent import ascend, climb_from
 from learn.coordinates import Coordinates, parameters_at
 from learn.estep import Evidence, Expectation
 from learn.observing import Observing
+from learn.prior import Pull
 from taskcomm.lattice import Floats
 from taskcomm.teacher import Parameters
 
@@ -42,9 +47,9 @@ class MistakePrior:
 
 
 class Objective:
-    """What a fit climbs: log-likelihood plus log prior of mistake, over the free coordinates.
+    """What a fit climbs: log-likelihood plus log priors, over the free coordinates.
 
-    It counts its evaluations. `prior` may be None.
+    It counts its evaluations. `prior` (on mistake) and `pull` (on all that is free) may be None.
     """
 
     def __init__(
@@ -54,21 +59,32 @@ class Objective:
         space: Coordinates,
         prior: MistakePrior | None,
         observing: Observing | None = None,
+        pull: Pull | None = None,
     ) -> None:
         self.evidence, self.base, self.space, self.prior = evidence, base, space, prior
-        self.observing = observing
+        self.observing, self.pull = observing, pull
         self.evaluations = 0
 
+    def with_weights(self, weights: ArrayLike | None) -> Self:
+        """The same over the same trials, weighted."""
+        other = copy(self)
+        other.evidence = self.evidence.with_weights(weights)
+        return other
+
     def log_prior(self, vector: Floats) -> float:
-        """Log density of the priors, on mistake and on the observation model where that is learned."""
+        """Log density of the priors: on mistake, on all, on the observation model where that is learned."""
         of_mistake = 0.0 if self.prior is None else self.prior.log_density(float(vector[0]))
-        return of_mistake + (0.0 if self.observing is None else self.observing.log_prior())
+        of_all = 0.0 if self.pull is None else self.pull.log_density(self.space.point(vector))
+        return of_mistake + of_all + (0.0 if self.observing is None else self.observing.log_prior())
 
     def _with_prior(self, vector: Floats, value: float, rates: Floats) -> tuple[float, Floats]:
         rates = rates.copy()
         if self.prior is not None:
             rates[0] += self.prior.rate(float(vector[0]))
-        return value + self.log_prior(vector), self.space.rates(vector, rates)
+        rates = self.space.rates(vector, rates)
+        if self.pull is not None:
+            rates = rates + self.pull.rates(self.space.point(vector))
+        return value + self.log_prior(vector), rates
 
     def expect(self, point: Floats) -> Expectation:
         """The E-step at a point."""

@@ -48,9 +48,7 @@ class Resample:
         drawn = rng.multinomial(teachers, np.full(teachers, 1 / teachers))[self.member]
         given, space = self.objective.evidence.weights, self.objective.space
         weights = drawn if given is None else drawn * given
-        objective = Objective(
-            self.objective.evidence.with_weights(weights), self.objective.base, space, self.objective.prior
-        )
+        objective = self.objective.with_weights(weights)
         near, aside = (
             np.clip(self.centre + rng.normal(0, size, len(self.centre)), space.least, space.most)
             for size in (0.01, 0.3)

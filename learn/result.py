@@ -69,9 +69,9 @@ class FitResult:
     `responsibilities` holds, trial by trial, P(M_t = m | trial) of every press, shape (presses, mental
     states). `steps` and `presses` count, for every parameter, the expected steps and presses whose
     probability it changes (for mistake: steps in which nothing else could be the reason, and expected
-    mistakes). `marks` are remarks by parameter: "no data", "fixed", "at its bound", "at a kink",
-    "ridge"; `remarks` says the same in sentences. `num_free` is how many coordinates were learned (a
-    shared parameter is one), for BIC; `free` (1 + 6 M,) which parameters. `uncertainty` is None until
+    mistakes). `marks` are remarks by parameter: "no data", "fixed", "flat", "at its bound", "at a kink",
+    "ridge"; `remarks` says the same in sentences. `num_free` is how many coordinates were learned (a shared
+    parameter is one), for BIC; `free` (1 + 6 M,) which parameters. `uncertainty` is None until
     `with_uncertainty`.
     """
 

@@ -1,10 +1,11 @@
 """How a fit is to be made."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 from learn.coordinates import Bounds
 from learn.mstep import MistakePrior
+from learn.prior import Prior
 
 Freedom = bool | Literal["shared"]
 
@@ -22,6 +23,7 @@ class Settings:
     starts: int = 6
     max_iter: int = 500
     rtol: float = 1e-8
+    prior: Prior | None = None
     mistake_prior: MistakePrior | None = MistakePrior()  # noqa: RUF009 (frozen)
     bounds: Bounds = Bounds()  # noqa: RUF009 (frozen)
     task_prior: tuple[float, ...] | None = None
@@ -53,4 +55,4 @@ class Settings:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for provenance."""
-        return asdict(self)
+        return asdict(replace(self, prior=None)) | {"prior": self.prior and self.prior.to_dict()}

@@ -150,7 +150,7 @@ def marks_of(
         mark = "at its bound" if at_bound or gone else "at a kink" if kink else ""
         if not seen.steps[members].any():
             same = math.isclose(point[coordinate], base[coordinate], rel_tol=1e-9, abs_tol=1e-9)
-            mark = "no data" if same else "at its bound"
+            mark = "no data" if same else "at its bound" if at_bound else "flat"
         for i in members.tolist():
             marks[names[i]] = mark
     for m, state in enumerate(states):
@@ -165,6 +165,7 @@ def remarks_of(marks: Mapping[str, str], states: Sequence[str], filled: bool) ->
     sentences = {
         "at a kink": "has its best value at a kink: the likelihood falls to either side at a slope",
         "at its bound": "lies at its bound: the data would take it further, or leave it open",
+        "flat": "has no data where it is: nothing near it changes the likelihood",
         "no data": "has no data: no step bears on it, and it stays where it was",
     }
     remarks = [f"{name} {sentences[mark]}." for name, mark in marks.items() if mark in sentences]

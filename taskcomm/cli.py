@@ -106,6 +106,9 @@ def fit(
     shared: Annotated[
         bool, typer.Option("--shared", help="Fitted delays, decays and holds: one for all approval states.")
     ] = False,
+    prior_trials: Annotated[
+        float, typer.Option(min=0, help="Hold the fit to the initial model, as so many trials would.")
+    ] = 0.0,
     intervals: Annotated[
         Intervals, typer.Option(help="95% intervals: from the likelihood, or from teachers drawn again.")
     ] = Intervals.likelihood,

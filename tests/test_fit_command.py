@@ -96,3 +96,15 @@ def test_a_bootstrap_of_one_teacher_is_one_error(tmp_path: Path, capsys: pytest.
     assert run("fit", alone, "--starts", 1, "--intervals", "bootstrap", "--out", out) == BAD_DATA
     assert "error: --intervals bootstrap: " in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_a_prior_of_many_trials_holds_the_fit_to_the_initial_model_and_says_so(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "m.json"
+    options = ("--starts", 1, "--intervals", "none", "--prior-trials", 1e5, "--out", out)
+    assert run("fit", log, *options) == DONE
+    assert "prior: the initial model, as 100000 trials would hold it" in capsys.readouterr().out
+    assert TeacherModel.load(out).approvals["that_mov"].peak == pytest.approx(0.1, rel=0.05)
+    assert TeacherModel.load(out).provenance["settings"]["prior"]["trials"] == 1e5
+    assert run("fit", log, "--prior-trials", -1, "--out", out) == USAGE

@@ -7,6 +7,7 @@ from typing import Any
 import typer
 
 from learn import fit
+from learn.prior import Prior
 from learn.settings import Settings
 from learn.timescale import settings_at
 from taskcomm.commands import cues, fitted
@@ -26,6 +27,7 @@ def run(
     decays: bool,
     holds: bool,
     shared: bool,
+    prior_trials: float,
     intervals: str,
     starts: int,
     max_iter: int,
@@ -59,8 +61,9 @@ def run(
         steps = {trial.dt for trial in trials}
         start = at_dt_of_trials(start, initial, world, steps, convert_dt, terminal)
         chosen = Settings(
-            **_freedoms(delays, decays, holds, shared), starts=starts, max_iter=max_iter, seed=seed
-        )
+            **_freedoms(delays, decays, holds, shared), prior=_prior(prior_trials), starts=starts,
+            max_iter=max_iter, seed=seed,
+        )  # fmt: skip
         with naming(places), terminal.progress("fitting", starts + 2) as progress:
             result = fit(
                 trials, world=world, initial=start, settings=settings_at(start.dt, chosen),
@@ -94,6 +97,13 @@ def run(
         terminal.message(f"{result.status}; the model says so in its provenance")
         return 4
     return 0
+
+
+def _prior(trials: float) -> Prior | None:
+    try:
+        return Prior(trials) if trials else None
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--prior-trials") from None
 
 
 def _freedoms(delays: bool, decays: bool, holds: bool, shared: bool) -> dict[str, Any]:

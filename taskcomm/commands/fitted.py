@@ -60,6 +60,8 @@ def say(result: FitResult, trials: int, terminal: Terminal) -> None:
         f"Teacher model fitted to {trials} trials: log-likelihood {result.log_likelihood:.2f} nats",
         *parameter_table(result),
     )
+    if result.settings.prior is not None:
+        terminal.line(f"prior: the initial model, as {result.settings.prior.trials:g} trials would hold it")
     for verdict in ("weak", "none"):
         which = [f"{each.parameter} ({each.why})" for each in result.audit if each.verdict == verdict]
         if which:
