@@ -13,7 +13,9 @@ from strategies import models, walks, worlds
 
 from taskcomm.belief import Belief, ImpossibleObservation
 from taskcomm.channels import NormalChannel, ObservationModel, PlainChannel
+from taskcomm.smoother import smooth
 from taskcomm.teacher import TableTop, TeacherModel
+from taskcomm.trials import Step, Trial
 from taskcomm.world import Action, BallWorld
 
 INTUITIVE = TeacherModel.intuitive()
@@ -65,6 +67,24 @@ def test_what_a_belief_expects_is_what_its_paths_hold(
     press = belief.mental_joint(states[-1], True)
     assert belief.press_probability(states[-1]) == pytest.approx(press.sum(), rel=1e-12)
     assert belief.press_joint(states[-1]) == pytest.approx(press[:, 1:], rel=1e-12)
+
+
+@settings(max_examples=30)
+@given(observed_walks(max_steps=6))
+def test_filter_and_smoother_agree_on_tasks_and_likelihood(
+    case: tuple[BallWorld, TeacherModel, Any, Seen],
+) -> None:
+    """Levels as memory here, last resets as memory there; an unrecorded key begins no rest in either."""
+    world, model, walk, seen = case
+    belief, log_likelihood = Belief.initial(world, model), 0.0
+    steps = []
+    for (action, state), (key, signals) in zip(walk, seen, strict=True):
+        log_likelihood += float(np.log(belief.mental_joint(state, key, signals).sum()))
+        belief = belief.update(state, key, signals)
+        steps.append(Step(action, key, signals=signals))
+    smoothed = smooth(Trial("a", world, None, tuple(steps), model.dt), model)
+    assert smoothed.log_likelihood == pytest.approx(log_likelihood, abs=1e-9)
+    assert smoothed.task == pytest.approx(belief.marginal(), abs=1e-9)
 
 
 def _walk(world: BallWorld, steps: int, rng: np.random.Generator) -> list[Any]:
