@@ -13,7 +13,7 @@ from learn.plots import style_of, styled
 
 MARKS = "os^Dv*"
 SURE = 0.8  # thresholds below are not drawn
-TICKS = (0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995, 0.9999)
+TICKS = (0.8, 0.95, 0.98, 0.995, 0.999, 0.9999)
 
 
 @styled
@@ -85,8 +85,6 @@ def _thresholds(ax: Axes, judged: Mapping[str, Calibration], what: str) -> None:
 def _ticks(ax: Axes, most: float) -> None:
     end = most if SURE < most < 1 else 1 - 1e-5
     shown = [tick for tick in TICKS if tick <= end]
-    while len(shown) > 6:
-        shown = shown[:1] + shown[2::2]
     ax.set_xlim(1 - SURE, (1 - end) * 0.9)
     ax.set_xticks([1 - tick for tick in shown], [f"{tick:.10g}" for tick in shown])
     ax.xaxis.set_minor_locator(NullLocator())

@@ -112,7 +112,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m learn.calibration_study", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("notebooks/results/calibration.json"))
     parser.add_argument("--figure", type=Path, default=Path("notebooks/figures/calibration.png"))
-    parser.add_argument("--trials", type=int, default=20, help="trials with each of the 22 teachers")
+    parser.add_argument("--trials", type=int, default=50, help="trials with each of the 22 teachers")
     parser.add_argument("--horizon", type=int, default=3)
     parser.add_argument("--seed", type=int, default=2012)
     parser.add_argument("--jobs", type=int, default=2)

@@ -38,7 +38,8 @@ def write_comparison(
     if found.loop is not None:
         written += save(time_to_final(found.loop), directory / "time-to-final.png", found.loop.rows())
         written += save(entropy_over_time(found.loop), directory / "entropy.png", entropy_rows(found.loop))
-    places = {"logs": found.calibration, "closed loop": found.loop_calibration}
+    logs = "simulated logs" if found.sources == ("simulated",) else "logs"
+    places = {logs: found.calibration, "simulated closed loop": found.loop_calibration}
     judged = {place: models for place, models in places.items() if models}
     if judged:
         figure = calibration_figure(judged)
