@@ -29,7 +29,6 @@ from taskcomm.outcomes import capacity, distinct_outcomes
 from taskcomm.teacher import Parameters, TeacherModel
 from taskcomm.world import World
 
-HORIZON = 3  # steps that a planner looks ahead where a step has many outcomes, unless told otherwise
 MOST_STATES = 50_000  # world states whose moves are kept
 MOST_WEIGHTS = 1 << 20  # weights of beliefs and outcomes that are looked at together
 
@@ -41,8 +40,14 @@ def looks_beyond_the_key(model: TeacherModel) -> bool:
 
 
 def default_horizon(model: TeacherModel) -> int:
-    """How far ahead a planner with this model looks unless told otherwise."""
-    return HORIZON if looks_beyond_the_key(model) else 5
+    """How far ahead a planner with this model looks unless told otherwise: what half a second allows.
+
+    >>> default_horizon(TeacherModel.intuitive())
+    5
+    """
+    if not looks_beyond_the_key(model):
+        return 5
+    return 3 if model.observation.discrete else 4
 
 
 @dataclass(frozen=True)

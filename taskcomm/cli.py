@@ -69,7 +69,7 @@ def simulate(
         typer.Option(
             min=1,
             max=8,
-            help="Planning horizon in steps of 0.5 s (default: 5; 3 where the robot sees more than a key).",
+            help="Planning horizon in steps of 0.5 s (default: 5; 4 for a key that errs, 3 with signals).",
         ),
     ] = None,
     threshold: Threshold = 0.98,
@@ -187,7 +187,7 @@ def structure(
     confidence: Annotated[
         float, typer.Option(min=0.5, max=0.999, help="How often what is named shall hold the truth.")
     ] = 0.9,
-    folds: Annotated[int, typer.Option(min=2, help="Folds of people.")] = 5,
+    folds: Annotated[int, typer.Option(min=2, help="Folds of people.")] = 10,
     starts: Annotated[int, typer.Option(min=1, help="Starts of EM in thorough fits.")] = 6,
     thorough: Annotated[int, typer.Option(min=1, help="How many structures to fit thoroughly.")] = 3,
     task_unknown: Annotated[

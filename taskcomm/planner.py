@@ -82,7 +82,7 @@ class UnplannedChannel(UserWarning):
 
 
 class EntropyPlanner:
-    """Exact closed-loop look-ahead over `horizon` steps (None: 5; 3 where a key errs or signals are seen).
+    """Exact closed-loop look-ahead over `horizon` steps (None: 5; 4 for a key that errs, 3 with signals).
 
         Q_h(b, w, a) = sum_o P(o | b, a) (C(b_ao) + gamma min_a' Q_{h-1}(b_ao, w_a, a')),  Q_0 = 0
 

@@ -70,7 +70,7 @@ class Robot:
     own horizon, which is 10 unless a planner is given. The same trial may then go another way on another
     machine, or a busier one: `decision.horizon` says how far each decision looked.
 
-    Where more than an exact key is observed, the horizon is 3 unless a planner is given. Under a key that
+    Unless a planner is given, the horizon is 5; 4 for a key that errs, 3 with signals. Under a key that
     misses, the belief leaves out memories that weigh 1e-9 together in a step; `belief.dropped` bounds what
     that does.
 

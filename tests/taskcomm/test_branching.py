@@ -13,7 +13,7 @@ from strategies import models, walks
 from trees import EXACT, assert_decides_as
 
 from taskcomm.belief import Belief, entropy
-from taskcomm.branching import HORIZON, BranchingTree
+from taskcomm.branching import BranchingTree
 from taskcomm.channels import NormalChannel, ObservationModel, PlainChannel, TargetChannel
 from taskcomm.observation import Observer
 from taskcomm.planner import EntropyPlanner, UnplannedChannel
@@ -185,10 +185,10 @@ def test_a_planner_without_signals_looks_ahead_over_the_key_alone() -> None:
 
 def test_a_planner_and_a_robot_look_less_far_where_more_is_observed() -> None:
     world = BallWorld(2, 1)
-    assert EntropyPlanner(world, INTUITIVE).horizon == 5
-    assert EntropyPlanner(world, gazing()).horizon == HORIZON
-    assert Robot(world, gazing()).description["planner"]["horizon"] == HORIZON
-    assert Robot(world, INTUITIVE).description["planner"]["horizon"] == 5
+    erring = replace(INTUITIVE, observation=ObservationModel(miss=0.1))
+    for model, horizon in ((INTUITIVE, 5), (erring, 4), (gazing(), 3), (gazing(miss=0.1), 3)):
+        assert EntropyPlanner(world, model).horizon == horizon
+        assert Robot(world, model).description["planner"]["horizon"] == horizon
 
 
 def test_a_plan_over_signals_is_not_explained_as_one_over_a_key() -> None:
