@@ -47,7 +47,7 @@ def test_the_planner_decides_as_the_whole_tree_over_key_and_signals(
 
 
 @pytest.mark.verify
-@settings(max_examples=30)
+@settings(max_examples=4)
 @given(signalled_situations(max_steps=3), st.sampled_from([1.0, 0.9]))
 def test_three_steps_ahead_too(situation: tuple[Belief, Any], gamma: float) -> None:
     belief, state = situation
