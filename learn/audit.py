@@ -48,7 +48,8 @@ def audited(
     if mark == "fixed":
         verdict, why = "given", "not learned"
     elif mark == "no data":
-        verdict, why = "none", "it stays where it was"
+        stays = "no step has every level at 0" if parameter == "mistake" else "it stays where it was"
+        verdict, why = "none", stays
     elif mark == "flat":
         verdict, why = "none", "nothing near it changes the likelihood"
     return Audited(parameter, steps, presses, verdict, why)

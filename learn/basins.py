@@ -7,6 +7,7 @@ import numpy as np
 
 from learn.coordinates import Coordinates
 from learn.mstep import Objective
+from learn.path import Path
 from learn.statistics import settle
 from taskcomm.lattice import Floats
 
@@ -31,38 +32,38 @@ class Ending(NamedTuple):
 
 
 def endings(
-    objective: Objective, names: Sequence[str], ends: Sequence[Floats], best: Floats, labels: Sequence[str]
+    objective: Objective, paths: Sequence[Path], best: Floats, labels: Sequence[str]
 ) -> tuple[Ending, ...]:
-    """The `ends` of the starts called `names` beside `best`; `labels` name the coordinates.
+    """The ends of the starts' own climbs beside the result `best`; `labels` name the coordinates.
 
     From the highest end down, each belongs to the first basin to whose highest point a straight way leads
     on which the objective never falls more than DIP nats below that end; else it is one of its own.
-    Before they are compared, what the data do not move is put back to where it was in all of them.
+    Before they are compared, what the data do not move is put back to where it was in all of them. Where
+    an observation model is learned, each end has its own, and ways between them that of the result.
     """
-    space = objective.space
-    settled = [settle(objective, end) for end in ends]
-    values = [objective.value(end) for end in settled]
     top, tops = objective.value(best), [best]
+    ends, values, likelihoods = [], [], []
+    kept = None if objective.observing is None else objective.observing.observation
+    for path in paths:
+        path.resume(objective)
+        ends.append(settle(objective, path.point if path.ended is None else path.ended))
+        values.append(objective.value(ends[-1]))
+        likelihoods.append(values[-1] - objective.log_prior(objective.space.vector(ends[-1])))
+    if objective.observing is not None and kept is not None:
+        objective.observing.set(kept)
     basin = [0] * len(ends)
     for number in sorted(range(len(ends)), key=lambda number: -values[number]):
-        end, floor = settled[number], values[number] - DIP
+        end, floor = ends[number], min(values[number], objective.value(ends[number])) - DIP
         found = (b for b, other in enumerate(tops) if _no_dip(objective, end, other, floor))
         basin[number] = next(found, len(tops))
         if basin[number] == len(tops):
             tops.append(end)
     result = []
-    for number, (name, end) in enumerate(zip(names, settled, strict=True)):
-        away = np.abs(end - best)
-        result.append(
-            Ending(
-                name,
-                values[number] - objective.log_prior(space.vector(end)),
-                max(0.0, top - values[number]),
-                float(away.max(initial=0.0)),
-                labels[int(away.argmax())] if away.any() else "",
-                basin[number],
-            )
-        )
+    for number, path in enumerate(paths):
+        away, below = np.abs(ends[number] - best), max(0.0, top - values[number])
+        along = labels[int(away.argmax())] if away.any() else ""
+        far = float(away.max(initial=0.0))
+        result.append(Ending(path.name, likelihoods[number], below, far, along, basin[number]))
     return tuple(result)
 
 

@@ -47,7 +47,7 @@ def conclude(
         monotone,
         filled or "at its bound" in marks.values(),
     )
-    ended = endings(objective, [p.name for p in paths], [_end(p) for p in paths], point, labels)
+    ended = endings(objective, paths, point, labels)
     certificate = Certificate(
         kind=kind,
         reasons=reasons,
@@ -114,10 +114,6 @@ def conclude(
     )
     provenance |= {"audit": result.audit_to_dict()}
     return replace(result, model=replace(model, provenance=provenance))
-
-
-def _end(path: Path) -> Floats:
-    return path.point if path.ended is None else path.ended
 
 
 def _never_falls(values: Sequence[float]) -> bool:

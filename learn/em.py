@@ -78,6 +78,8 @@ def fit(
     world = trials[0].world if world is None else world
     initial = TeacherModel.intuitive() if initial is None else initial
     tell = progress or (lambda done, total: None)
+    if settings.prior is not None and settings.prior.model is None:
+        settings = replace(settings, prior=replace(settings.prior, model=initial))
     objective = prepare(trials, world, initial, settings, weights)
     space, rng = objective.space, np.random.default_rng(settings.seed)
     starts = starting_points(initial, space, settings.starts, rng)

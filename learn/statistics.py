@@ -150,7 +150,7 @@ def marks_of(
         mark = "at its bound" if at_bound or gone else "at a kink" if kink else ""
         if not seen.steps[members].any():
             same = math.isclose(point[coordinate], base[coordinate], rel_tol=1e-9, abs_tol=1e-9)
-            mark = "no data" if same else "at its bound" if at_bound else "flat"
+            mark = "no data" if same or coordinate == 0 else "at its bound" if at_bound else "flat"
         for i in members.tolist():
             marks[names[i]] = mark
     for m, state in enumerate(states):
@@ -168,7 +168,14 @@ def remarks_of(marks: Mapping[str, str], states: Sequence[str], filled: bool) ->
         "flat": "has no data where it is: nothing near it changes the likelihood",
         "no data": "has no data: no step bears on it, and it stays where it was",
     }
-    remarks = [f"{name} {sentences[mark]}." for name, mark in marks.items() if mark in sentences]
+    told = {name: mark for name, mark in marks.items() if mark in sentences}
+    remarks = []
+    if told.get("mistake") == "no data":
+        remarks.append(
+            "mistake has no data: no step has every level at 0, so little but its prior bears on it."
+        )
+        del told["mistake"]
+    remarks += [f"{name} {sentences[mark]}." for name, mark in told.items()]
     remarks += [
         f"{state}: its peak has vanished: no press is laid to its cue, and nothing is known of its times."
         for state in states

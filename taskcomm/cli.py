@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 DONE, FAILED, USAGE, BAD_DATA, NOT_CONVERGED = range(5)
-SPREAD = ("--models", "--truth", "--sizes")  # options that take several values at once
+SPREAD = ("--models", "--truth", "--sizes", "--observe")  # options that take several values at once
 
 
 class Intervals(StrEnum):
@@ -105,6 +105,15 @@ def fit(
     ] = False,
     shared: Annotated[
         bool, typer.Option("--shared", help="Fitted delays, decays and holds: one for all approval states.")
+    ] = False,
+    observe: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Fit how M shows: miss, false_press (errors of the key), or channels; several at once."
+        ),
+    ] = None,
+    labels: Annotated[
+        bool, typer.Option("--labels", help="Take the reasons that annotators gave for presses as known.")
     ] = False,
     prior_trials: Annotated[
         float, typer.Option(min=0, help="Hold the fit to the initial model, as so many trials would.")

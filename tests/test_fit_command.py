@@ -108,3 +108,29 @@ def test_a_prior_of_many_trials_holds_the_fit_to_the_initial_model_and_says_so(
     assert TeacherModel.load(out).approvals["that_mov"].peak == pytest.approx(0.1, rel=0.05)
     assert TeacherModel.load(out).provenance["settings"]["prior"]["trials"] == 1e5
     assert run("fit", log, "--prior-trials", -1, "--out", out) == USAGE
+
+
+def test_what_is_known_of_a_fitted_model_is_said_wherever_it_is_used(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lit, out = tmp_path / "lit.jsonl", tmp_path / "m.json"
+    write_trials([by_hand(["light_on(1)", *["noa"] * 20], presses=[5, 9, 16])], lit)
+    options = ("--starts", 1, "--intervals", "none")
+    assert run("fit", lit, *options, "--out", out) == DONE
+    assert run("replay", lit, "--model", out) == DONE
+    said = capsys.readouterr().err
+    assert f"note: {out}: fitted without data on " in said
+    assert "that_wrt.peak" in said
+    assert run("fit", log, *options, "--max-iter", 1, "--out", out) == NOT_CONVERGED
+    assert run("fit", log, *options, "--initial", out, "--out", tmp_path / "n.json") == DONE
+    assert f"warning: {out}: its fit is not to be trusted: not converged" in capsys.readouterr().err
+
+
+def test_the_errors_of_the_key_are_learned_where_asked_for(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "m.json"
+    options = ("--starts", 1, "--intervals", "none", "--observe", "false_press", "--out", out)
+    assert run("fit", log, *options) in (DONE, NOT_CONVERGED)
+    assert "observed: false_press: " in capsys.readouterr().out
+    assert 0 < TeacherModel.load(out).observation.false_press < 0.1

@@ -27,6 +27,8 @@ def run(
     decays: bool,
     holds: bool,
     shared: bool,
+    observe: list[str] | None,
+    labels: bool,
     prior_trials: float,
     intervals: str,
     starts: int,
@@ -62,7 +64,7 @@ def run(
         start = at_dt_of_trials(start, initial, world, steps, convert_dt, terminal)
         chosen = Settings(
             **_freedoms(delays, decays, holds, shared), prior=_prior(prior_trials), starts=starts,
-            max_iter=max_iter, seed=seed,
+            max_iter=max_iter, observe=tuple(observe or ()), labels=labels, seed=seed,
         )  # fmt: skip
         with naming(places), terminal.progress("fitting", starts + 2) as progress:
             result = fit(

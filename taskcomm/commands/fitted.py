@@ -8,6 +8,7 @@ from learn.exposure import FitError
 from learn.intervals import Method, Uncertainty
 from learn.report import parameter_table
 from learn.result import FitResult
+from taskcomm.channels import ObservationModel
 from taskcomm.commands.terminal import Terminal
 from taskcomm.trials import Trial
 
@@ -46,12 +47,20 @@ def document(result: FitResult) -> dict[str, Any]:
         "audit": result.audit_to_dict(),
         "uncertainty": None if result.uncertainty is None else _summary(result.uncertainty),
         "remarks": list(result.remarks),
+        "observation": result.model.observation.to_dict(),
     }
 
 
 def _summary(found: Uncertainty) -> dict[str, Any]:
     """How the intervals were made; they themselves stand with the parameters."""
     return {key: getattr(found, key) for key in ("method", "level", "teachers", "above", "resamples", "seed")}
+
+
+def _observed(seen: ObservationModel, name: str) -> str:
+    """What was learned of one part of the observation model; a channel is too much for a line."""
+    if name in seen.channels:
+        return "a channel, in the model file"
+    return f"{getattr(seen, name):.3g} per step"
 
 
 def say(result: FitResult, trials: int, terminal: Terminal) -> None:
@@ -62,6 +71,8 @@ def say(result: FitResult, trials: int, terminal: Terminal) -> None:
     )
     if result.settings.prior is not None:
         terminal.line(f"prior: the initial model, as {result.settings.prior.trials:g} trials would hold it")
+    for name in result.settings.observe:
+        terminal.line(f"observed: {name}: {_observed(result.model.observation, name)}")
     for verdict in ("weak", "none"):
         which = [f"{each.parameter} ({each.why})" for each in result.audit if each.verdict == verdict]
         if which:

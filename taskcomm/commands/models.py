@@ -55,8 +55,22 @@ def at_dt_of_trials(
             " levels are sampled at the ends of steps"
         )
         model = model.with_dt(dt)
+    say_marks(model, named, terminal)
     check_model(model, named, world, steps, "--convert-dt")
     return model
+
+
+def say_marks(model: TeacherModel, named: str, terminal: Terminal) -> None:
+    """Say of a fitted model what its file says: a fit not to be trusted, parameters without data."""
+    certificate, audit = (model.provenance.get(key) for key in ("certificate", "audit"))
+    if isinstance(certificate, Mapping) and certificate.get("trusted") is False:
+        terminal.message(f"warning: {named}: its fit is not to be trusted: {certificate.get('status')}")
+    if isinstance(audit, Mapping):
+        found = [
+            name for name, of in audit.items() if isinstance(of, Mapping) and of.get("verdict") == "none"
+        ]
+        if found:
+            terminal.message(f"note: {named}: fitted without data on {', '.join(found)}")
 
 
 def _other_dt(model: TeacherModel, steps: Collection[float]) -> float | None:

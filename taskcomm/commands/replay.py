@@ -5,7 +5,7 @@ from typing import Any
 
 import typer
 
-from taskcomm.commands.models import check_model, load_model, model_files
+from taskcomm.commands.models import check_model, load_model, model_files, say_marks
 from taskcomm.commands.output import result_file, run_record, write_json, write_record
 from taskcomm.commands.terminal import Terminal
 from taskcomm.explain import Explanation
@@ -35,6 +35,7 @@ def run(
     teacher = load_model(model, "--model")
     one = _the_trial(log, trial)
     check_model(teacher, model, one.world, {one.dt})
+    say_marks(teacher, model, terminal)
     path, reasons = belief_path(one, teacher), press_reasons(one, teacher)
     document = replay_document(one, teacher, path, reasons)
     why = None if explain is None else _explained(one, teacher, explain, horizon)

@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 from taskcomm.branching import default_horizon
-from taskcomm.commands.models import check_model, load_model, model_files
+from taskcomm.commands.models import check_model, load_model, model_files, say_marks
 from taskcomm.commands.output import result_file, run_record, write_record
 from taskcomm.commands.terminal import Terminal
 from taskcomm.logs import write_trials
@@ -121,6 +121,7 @@ def run(
     check_model(model, teacher, world, {model.dt})
     if robot_model is not None:
         check_model(robot_model, robot, world, {robot_model.dt})
+        say_marks(robot_model, robot, terminal)
     horizon = default_horizon(robot_model or model) if horizon is None else horizon
     settings["horizon"] = horizon
     simulation = Simulation(world, model, robot_model, people, horizon, threshold, max_steps, seed)

@@ -122,6 +122,15 @@ def test_imaginary_trials_have_the_cues_of_the_trials_and_a_seed() -> None:
     assert all(t.steps[0].pressed is None for t in imagined(prior, [gap], WORLD, INTUITIVE))
 
 
+def test_the_fit_remembers_whom_the_prior_was_centred_on() -> None:
+    """So what is prepared anew from its settings, for intervals, has its maximum where the fit ended."""
+    result = fitted(10.0)
+    assert result.settings.prior is not None
+    assert result.settings.prior.model == INTUITIVE
+    objective = prepare(TRIALS, WORLD, result.model, result.settings)
+    assert objective.value(objective.space.point(vector_of(result.model))) == pytest.approx(result.objective)
+
+
 def test_a_prior_narrows_the_intervals() -> None:
     wide, narrow = (
         uncertainty(result, TRIALS, method="wald") for result in (fitted(0.0), fitted(STRENGTHS[1]))
