@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from learn.held_out_teachers import AVERAGED, SEPARATE, UPDATED
 from learn.plots import COLOURS, axes_or_new, style_of, styled
@@ -70,5 +71,19 @@ def worth_of_knowing(rows: Sequence[Mapping[str, Any]], title: str, ax: Axes | N
     ax.set_xlabel("trials of the teacher known before")
     ax.set_ylabel("nats per trial over one model for all")
     ax.set_title(title)
-    ax.legend()
+    ax.legend(loc="upper right")
     return ax
+
+
+@styled
+def worth_in_studies(studies: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure:
+    """`worth_of_knowing` of several studies, by title, beside each other on one scale."""
+    figure = Figure(figsize=(3.7 * len(studies), 3.5))
+    panels = figure.subplots(1, len(studies), sharey=True, squeeze=False)[0]
+    for ax, (title, rows) in zip(panels, studies.items(), strict=True):
+        worth_of_knowing(rows, title, ax)
+        if ax is not panels[-1]:
+            ax.get_legend().remove()
+        if ax is not panels[0]:
+            ax.set_ylabel("")
+    return figure

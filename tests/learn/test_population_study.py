@@ -9,7 +9,7 @@ from learn.held_out_teachers import AVERAGED, POOLED, SEPARATE, UPDATED, HeldOut
 from learn.normal import Normal
 from learn.plots import COLOURS
 from learn.population import Common, Population, Teacher
-from learn.population_figure import teachers_about_their_mean, worth_of_knowing
+from learn.population_figure import teachers_about_their_mean, worth_in_studies, worth_of_knowing
 from learn.population_loop import summary as loop_summary
 from learn.population_loop import together
 from learn.population_study import drawn_teachers, median_teacher, simulated_space, summary
@@ -65,6 +65,16 @@ def test_the_worth_of_knowing_is_drawn_by_arm_at_the_trials_known() -> None:
     drawn = [line for line in ax.lines if line.get_marker() == "o"]
     np.testing.assert_allclose(np.asarray(drawn[1].get_xdata(), dtype=float), [0, 1])
     np.testing.assert_allclose(np.asarray(drawn[1].get_ydata(), dtype=float), [2, 2])
+
+
+def test_studies_stand_side_by_side_on_one_scale_with_one_legend() -> None:
+    rows = summary(found(), {})
+    figure = worth_in_studies({"one": rows, "two": rows})
+    first, second = figure.axes
+    assert [ax.get_title(loc="left") for ax in (first, second)] == ["one", "two"]
+    assert first.get_legend() is None
+    assert second.get_legend() is not None
+    assert first.get_ylim() == second.get_ylim()
 
 
 def test_teachers_are_drawn_about_the_mean_with_the_numbers_given_back() -> None:
