@@ -48,6 +48,24 @@ right = loop.difference("learned", "intuitive", "correct")
 assert right.low <= 0 <= right.high
 """
 
+SENTENCES["population"] = """
+assert population.converged
+assert {first.participant_id, second.participant_id}.isdisjoint(t.participant_id for t in others)
+assert sum(each.mark == "may be alike" for each in population.common) >= 7
+assert all(each.spread * np.exp(1.96 * each.spread_error) > 0.4 for each in population.common)
+falls = [j for j, each in enumerate(population.common) if each.name.endswith("fall")]
+assert all(abs(teacher.own_share[j]) < 0.3 for teacher in population.teachers for j in falls)
+assert robot.model == population.teacher([first, second])
+differ, alike = studies.values()
+over_all = {row["arm"]: row for row in differ if row["known"] == ""}
+assert 0.3 < float(over_all["population"]["estimate"]) < 0.5 and float(over_all["population"]["low"]) > 0
+assert all(float(row["low"]) > 0 for row in differ if row["arm"] == "population" and row["known"] in tuple("2345"))
+alone = [float(row["estimate"]) for row in differ if row["arm"] == "own trials alone" and row["known"] != ""]
+assert all(value < 0 for value in alone[1:5]) and alone[5] > 0
+assert all(float(row["low"]) < 0 < float(row["high"]) for row in alike if row["arm"] == "population")
+assert all(float(row["low"]) < 0 for row in shipped)
+"""
+
 
 NAMES = sorted(path.stem for path in NOTEBOOKS.glob("*.ipynb"))
 
