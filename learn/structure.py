@@ -91,7 +91,7 @@ def search_structure(
     settings: Settings | None = None,
     cue_names: Sequence[str] | None = None,
     rests: Sequence[float] | None = None,
-    folds: int = 5,
+    folds: int = 10,
     confidence: float = 0.9,
     first_trials: int = 50,
     thorough: int = 3,
@@ -116,12 +116,8 @@ def search_structure(
     world = trials[0].world if world is None else world
     initial = TeacherModel.intuitive() if initial is None else initial
     names = tuple(world.cue_names if cue_names is None else cue_names)
-    for name in names:
-        if name not in world.cue_names:
-            raise FitError(f"cue_names: unknown cue {name!r}; this world has {', '.join(world.cue_names)}")
-    if not 0.5 <= confidence < 1:
-        raise FitError(f"confidence: must be at least 0.5 and below 1, not {confidence:g}")
     tries = [step * initial.dt for step in range(5)] if rests is None else list(rests)
+    _check(world, names, tries, confidence)
     settings = replace(settings or Settings(), observe=())
     bench = Bench(trials, world, initial, settings, folds, first_trials)
     search = _Search(bench, names, tries, tell or (lambda text: None))
@@ -146,6 +142,17 @@ def search_structure(
         bench=bench,
         fitted=fits.get(chosen.structure),
     )
+
+
+def _check(world: World, cue_names: Sequence[str], rests: Sequence[float], confidence: float) -> None:
+    for name in cue_names:
+        if name not in world.cue_names:
+            raise FitError(f"cue_names: unknown cue {name!r}; this world has {', '.join(world.cue_names)}")
+    for rest in rests:
+        if not (math.isfinite(rest) and rest >= 0):
+            raise FitError(f"rests: must be finite and at least 0, not {rest:g}")
+    if not 0.5 <= confidence < 1:
+        raise FitError(f"confidence: must be at least 0.5 and below 1, not {confidence:g}")
 
 
 class _Search:

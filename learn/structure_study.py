@@ -28,9 +28,20 @@ from taskcomm.trials import Trial
 from taskcomm.wholefile import write_whole
 
 SEED = 2012
-REPEATS = {22: 12, 44: 12, 200: 4, 500: 4}
+REPEATS = {22: 8, 44: 8, 200: 4, 500: 4}
 TRIALS_EACH, MAX_STEPS = 2, 160
+MANY = 200  # from here on 5 folds of people, 10 below
 RESTS = (0.0, 0.5, 1.0, 1.5)
+HARDEST = (
+    "delay + decay",
+    "intuitive",
+    "delay",
+    "decay",
+    "rest",
+    "teachers differ",
+    "wrt_lit",
+    "mov_closing",
+)
 DIFFER = "teachers differ"
 
 
@@ -87,7 +98,7 @@ def study_row(truth: str, count: int, repeat: int, seed: int = SEED) -> dict[str
     """
     drawn = (seed, [*truths()].index(truth), count, repeat)
     trials = simulated_study(truth, count, drawn)
-    found = search_structure(trials, rests=RESTS, thorough=0)
+    found = search_structure(trials, rests=RESTS, folds=10 if count < MANY else 5, thorough=0)
     start = next(c for c in found.candidates if c.structure == Structure.of(TeacherModel.intuitive()))
     gain, error = (np.nan, np.nan) if start.held_out is None else found.gap(found.chosen, start)
     return {
@@ -103,26 +114,33 @@ def study_row(truth: str, count: int, repeat: int, seed: int = SEED) -> dict[str
         "settled": found.settled,
         "gain": round(gain, 3),
         "gain_error": round(error, 3),
-        **{answer.factor: "|".join(map(_text, answer.named)) for answer in found.answers},
+        **{answer.factor: "|".join(map(text_of, answer.named)) for answer in found.answers},
         **{
             f"weights of {answer.factor}": "|".join(
-                f"{_text(value)}: {weight:.4f}" for value, weight in answer.weights.items() if weight >= 5e-5
+                f"{text_of(value)}: {weight:.4f}"
+                for value, weight in answer.weights.items()
+                if weight >= 5e-5
             )
             for answer in found.answers
         },
     }
 
 
-def _text(value: Value) -> str:
+def text_of(value: Value) -> str:
+    """A value as it stands in a row."""
     return value if isinstance(value, str) else f"{value:g}"
 
 
 def wanted(repeats: Mapping[int, int]) -> list[tuple[str, int, int]]:
-    """Truth, number of trials and repeat of every study, so that a run that is stopped has some of each."""
+    """Truth, number of trials and repeat of every study, so that a run that is stopped has some of each.
+
+    The largest first, and, among them, the truths that are the hardest to tell.
+    """
     least = min(repeats.values())
-    kinds = [(count, repeat) for count, most in repeats.items() for repeat in range(most)]
+    kinds = [(count, repeat) for count in sorted(repeats, reverse=True) for repeat in range(repeats[count])]
     kinds.sort(key=lambda kind: kind[1] * least // repeats[kind[0]])
-    return [(truth, *kind) for kind in kinds for truth in truths()]
+    order = sorted(truths(), key=HARDEST.index)
+    return [(truth, *kind) for kind in kinds for truth in order]
 
 
 @dataclass

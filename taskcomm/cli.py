@@ -121,6 +121,13 @@ def fit(
     intervals: Annotated[
         Intervals, typer.Option(help="95% intervals: from the likelihood, or from teachers drawn again.")
     ] = Intervals.likelihood,
+    longest: Annotated[
+        float | None,
+        typer.Option(
+            help="Longest rise and fall to look for, in seconds (default: 10, or 20 steps); a shorter one lets"
+            " trials in that have too many presses for it."
+        ),
+    ] = None,
     starts: Annotated[int, typer.Option(min=1, help="Starts of EM; the first is the initial model.")] = 6,
     max_iter: Annotated[int, typer.Option(min=1, help="Iterations of EM from each start.")] = 500,
     task_unknown: Annotated[
