@@ -102,7 +102,9 @@ def compare_baselines(
     people = tuple(map(person_of, trials))
     by = "person" if len(set(people)) > 1 else "trial"
     fold = folds_of_people(people if by == "person" else [trial.trial_id for trial in trials], folds, seed)
-    few = replace(fitted.settings, starts=min(fitted.settings.starts, REFIT_STARTS))
+    prior = fitted.settings.prior
+    prior = prior and replace(prior, model=prior.model or fitted.initial)  # wherever a fit starts
+    few = replace(fitted.settings, starts=min(fitted.settings.starts, REFIT_STARTS), prior=prior)
     settings = {FITTED: few}
     if not fitted.settings.decays and all(top.decay is None for top in fitted.initial.approvals.values()):
         settings[DECAY] = replace(few, decays=True)

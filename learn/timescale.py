@@ -4,6 +4,7 @@ import math
 from dataclasses import fields, replace
 
 from learn.coordinates import Bounds
+from learn.exposure import FitError
 from learn.mstep import MistakePrior
 from learn.settings import Settings
 
@@ -27,3 +28,12 @@ def settings_at(dt: float, settings: Settings | None = None) -> Settings:
         prior = MistakePrior(mean=mean, steps=prior.steps / ratio)
     longer = {name.name: getattr(settings.bounds, name.name) * max(1.0, ratio) for name in fields(Bounds)}
     return replace(settings, mistake_prior=prior, bounds=Bounds(**longer))
+
+
+def within(settings: Settings, longest: float | None) -> Settings:
+    """`settings` with rise and fall of at most `longest` seconds, if given."""
+    if longest is None:
+        return settings
+    if not (math.isfinite(longest) and longest > 0):
+        raise FitError(f"longest: must be a positive number of seconds, not {longest!r}")
+    return replace(settings, bounds=replace(settings.bounds, rise=longest, fall=longest))

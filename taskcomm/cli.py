@@ -124,8 +124,9 @@ def fit(
     longest: Annotated[
         float | None,
         typer.Option(
-            help="Longest rise and fall to look for, in seconds (default: 10, or 20 steps); a shorter one lets"
-            " trials in that have too many presses for it."
+            min=0.01,
+            help="Longest rise and fall to look for, in seconds (default: 10, or 20 steps); with a shorter"
+            " one, trials with more presses can be fitted.",
         ),
     ] = None,
     starts: Annotated[int, typer.Option(min=1, help="Starts of EM; the first is the initial model.")] = 6,

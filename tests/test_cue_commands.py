@@ -150,3 +150,23 @@ def test_a_model_of_another_step_or_other_cues_is_bad_data(
     intuitive_for(CueWorld(("left",)), 0.1).save(start)
     assert run("fit", table, "--initial", start, "--out", out) == BAD_DATA
     assert "--convert-dt converts it" in capsys.readouterr().err
+
+
+def test_a_trial_with_too_many_presses_is_named_and_fits_within_shorter_times(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cues = [f"cue{n}" for n in range(4)]
+    rows = [",".join(["trial_id", "t", "press", *cues])]
+    for t in range(48):
+        shown = [str((t // (3 + n)) % 2) for n in range(4)]
+        rows.append(",".join(["a", str(t), str(int(t % 3 == 2)), *shown]))
+    table, out = tmp_path / "dense.csv", tmp_path / "model.json"
+    table.write_text("\n".join(rows) + "\n")
+    fast = ("--dt", 0.5, "--starts", 1, "--folds", 0, "--intervals", "none", "--out", out)
+    assert run("fit", table, *fast) == BAD_DATA
+    told = capsys.readouterr().err
+    assert re.search(
+        r"trial a: more than 20000 memories .* shorter bounds .* \(trial a is at .*dense.csv:2\)", told
+    )
+    run("fit", table, *fast, "--longest", 1)
+    assert max(top.rise for top in TeacherModel.load(out).approvals.values()) <= 2.0

@@ -9,7 +9,7 @@ import typer
 from learn import fit
 from learn.prior import Prior
 from learn.settings import Settings
-from learn.timescale import settings_at
+from learn.timescale import settings_at, within
 from taskcomm.commands import cues, fitted
 from taskcomm.commands.models import at_dt_of_trials, load_model, load_trials, model_files, naming
 from taskcomm.commands.output import result_file, run_record, write_record
@@ -31,6 +31,7 @@ def run(
     labels: bool,
     prior_trials: float,
     intervals: str,
+    longest: float | None,
     starts: int,
     max_iter: int,
     task_unknown: bool,
@@ -66,9 +67,10 @@ def run(
             **_freedoms(delays, decays, holds, shared), prior=_prior(prior_trials), starts=starts,
             max_iter=max_iter, observe=tuple(observe or ()), labels=labels, seed=seed,
         )  # fmt: skip
+        chosen = within(settings_at(start.dt, chosen), longest)
         with naming(places), terminal.progress("fitting", starts + 2) as progress:
             result = fit(
-                trials, world=world, initial=start, settings=settings_at(start.dt, chosen),
+                trials, world=world, initial=start, settings=chosen,
                 progress=lambda done, _total: progress(done),
             )  # fmt: skip
             result = fitted.with_intervals(result, trials, intervals, seed, jobs, terminal)
