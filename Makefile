@@ -8,7 +8,7 @@ READY := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint types layers check verify bench bench-planner bench-planner-peers bench-estep study-horizons study-recovery study-calibration clean
+.PHONY: help setup demo test lint types layers check verify bench bench-planner bench-planner-peers bench-estep study-horizons study-recovery study-calibration study-structure clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):[^#]*## */\1\t/' | expand -t 21
@@ -66,6 +66,9 @@ study-recovery: $(READY)  ## would a fit find the truth? half an hour, kept in r
 
 study-calibration: $(READY)  ## when a robot says 98%, how often is it right? minutes, kept in notebooks/results/
 	$(BIN)/python -m learn.calibration_study $(ARGS)
+
+study-structure: $(READY)  ## how many trials does it take to tell a structure? an hour, kept in structure-results/; goes on where it stopped
+	$(BIN)/python -m learn.structure_study --out structure-results --jobs 2 $(ARGS)
 
 clean:  ## remove .venv and everything made
 	rm -rf $(VENV) demo-results build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis \
