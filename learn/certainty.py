@@ -70,11 +70,7 @@ def uncertainty(
     if not 0 < level < 1:
         raise ValueError(f"level: must be above 0 and below 1, not {level!r}")
     trials = trials_given(trials, "uncertainty")
-    world = trials[0].world if world is None else world
-    objective = prepare(trials, world, result.model, replace(result.settings, observe=()), weights)
-    if objective.evidence.exposure.hashes != result.trial_hashes:
-        raise FitError("trials: not those of the fit, or in another order")
-    centre = objective.space.point(vector_of(result.model))
+    objective, centre = _prepared(result, trials, world, weights)
     found = information(objective, centre)
     intervals = _Intervals(result, objective, centre, found, groups_of(trials))
     tell = progress or (lambda done, total: None)
@@ -96,6 +92,45 @@ def uncertainty(
             break
         centre = climb_smoothly(objective, highest.top)[0]
     return intervals.profiled(items, limits, level, objective.value(centre))
+
+
+def profile_curve(
+    result: FitResult,
+    trials: Sequence[Trial],
+    parameter: str,
+    world: World | None = None,
+    *,
+    weights: ArrayLike | None = None,
+    drop: float = 3.0,
+    points: int = 31,
+) -> tuple[Floats, Floats]:
+    """The profile log-likelihood of one parameter, as far as it is `drop` nats down on either side.
+
+    As many `points`: values of the parameter, in order, and by how many nats the log-likelihood is lower
+    there than at the fit, the other parameters at their best. KeyError for a parameter not learned.
+    """
+    objective, centre = _prepared(result, trials_given(trials), world, weights)
+    names = names_of(list(result.model.approvals))
+    held = [c for c, i in enumerate(objective.space.index) if names[i] == parameter]
+    if not held:
+        raise KeyError(f"{parameter}: not among the parameters that were learned")
+    along, top = Slice(objective, held[0]), objective.value(centre)
+    profile = Profile(along, centre, top, information(objective, centre).bend)
+    low, high = (profile.end(direction, drop).value for direction in (-1, 1))
+    visits = profile.swept(np.linspace(low, high, points))
+    natural = [along.natural(along.point(visit.value, visit.rest)) for visit in visits]
+    return np.array(natural), np.array([visit.drop for visit in visits])
+
+
+def _prepared(
+    result: FitResult, trials: Sequence[Trial], world: World | None, weights: ArrayLike | None
+) -> tuple[Objective, Floats]:
+    """What the fit climbed, its observation model as it was learned, and where it ended."""
+    world = trials[0].world if world is None else world
+    objective = prepare(trials, world, result.model, replace(result.settings, observe=()), weights)
+    if objective.evidence.exposure.hashes != result.trial_hashes:
+        raise FitError("trials: not those of the fit, or in another order")
+    return objective, objective.space.point(vector_of(result.model))
 
 
 @dataclass(frozen=True)

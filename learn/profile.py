@@ -20,7 +20,6 @@ CLOSE = 0.01  # of the drop to the one asked for, in nats
 BEYOND = 2.0  # nats below it at which no separate piece is looked for any more
 MOST_POINTS = 60
 LOOKS, GRID, BEST, AGAIN = 4, 10, 2, 0.03
-AS_EXPECTED = 0.05
 LIMITS_AT_REST = ("delay", "hold")  # whose least value, 0, ends them; others are open there
 SLOPE = 0.05
 
@@ -151,8 +150,7 @@ class Profile:
         self._metric = np.asarray((axes / np.maximum(sizes, 1.0)) @ axes.T)
         self._tangent = -self._metric @ inner[:-1, -1]
         left = float(inner[-1, -1] + inner[:-1, -1] @ self._tangent)
-        self._bend = max(left, 1.0)
-        self._step = 0.5 / math.sqrt(self._bend)
+        self._step = 0.5 / math.sqrt(left) if left > 1.0 else 0.5
         self._start = self.slice.value(self.centre)
 
     def _best(self, value: float, rest: Floats, steps: int = STEPS, gain: float = GAIN) -> Visit:
@@ -188,8 +186,8 @@ class Profile:
         """Where the log-likelihood is last `drop` nats below the optimum, going up (1) or down (-1).
 
         The walk goes on until it is BEYOND further down, in case it rises again; and from the end found, if
-        climbs from elsewhere find it higher there. They are not tried where the end is, but for AS_EXPECTED
-        of the way, where the curvature at the optimum has it: the log-likelihood is a parabola then.
+        climbs from elsewhere find it higher there. That is not rare even where the end is as far as the
+        curvature at the optimum has it: climbs end at kinks.
         """
         space, held = self.slice.objective.space, self.slice.held
         limit = float((space.least if direction < 0 else space.most)[held])
@@ -199,14 +197,29 @@ class Profile:
             if outside is None:
                 return self._open(inside, direction)
             at = self._crossing(inside, outside, drop)
-            expected = abs(at.value - self._start) * math.sqrt(self._bend / 2 / drop)
-            if abs(expected - 1) < AS_EXPECTED:
-                break
             here = self._looked_again(at)
             if here.drop > at.drop - AGAIN:
                 break
         opens = direction > 0 and self._needs_longer_rise(at)
         return End(at.value, self.slice.point(at.value, at.rest), opens)
+
+    def swept(self, values: Floats) -> list[Visit]:
+        """The places with these values, in order and the optimum among them: climbed to from the next place
+        inward and outward, and from elsewhere."""
+        here = Visit(self._start, 0.0, self.centre[self.slice.keep])
+        places = [here]
+        for way in (values[values > here.value], values[values < here.value][::-1]):
+            last = here
+            for value in way.tolist():
+                last = self._looked_again(self._best(value, last.rest))
+                places.append(last)
+        places.sort(key=lambda visit: visit.value)
+        for order in (range(1, len(places)), range(len(places) - 2, -1, -1)):
+            for i in order:
+                beside = places[i - 1] if order.step > 0 else places[i + 1]
+                again = self._best(places[i].value, beside.rest)
+                places[i] = min(places[i], again, key=lambda visit: visit.drop)
+        return places
 
     def _walk(self, here: Visit, direction: int, drop: float, limit: float) -> tuple[Visit, Visit | None]:
         """The last place visited that is less than `drop` down, and the one after it, if any."""
