@@ -85,15 +85,20 @@ class Certificate:
             held = "no direction rises" if self.steepest <= self.tolerance else "NOT AN OPTIMUM"
             along = f" along {self.steepest_along}" if self.steepest_along else ""
             slope = f"{held}; steepest one-sided slope {self.steepest:.2g} nats{along}"
-        remarks = [("kinks", self.kinks), ("ridges", self.ridges), ("at bounds", self.bounds)]
-        remarks.append(("no data", self.no_data))
+        remarks = [
+            ("kinks", self.kinks, " (the likelihood falls at a slope to either side)"),
+            ("ridges", self.ridges, " (only peak/rise and peak/fall are known)"),
+            ("at bounds", self.bounds, " (the data would take them further, or leave them open)"),
+            ("no data", self.no_data, " (they stay where they were)"),
+        ]
         return (
             f"{said}: {self.kind}" + (f" ({'; '.join(self.reasons)})" if self.reasons else ""),
             f"{count}, whose own climbs ended {_span(below)} nats below the optimum, {hills}",
-            f"EM alone reached {self.em_alone:.2f}, the search added {self.search_gain:.2f} nats;"
-            f" {self.iterations} iterations, {'monotone' if self.monotone else 'NOT MONOTONE'}",
+            f"EM alone reached an objective of {self.em_alone:.2f} nats, the search added"
+            f" {self.search_gain:.2f}; {self.iterations} iterations,"
+            f" {'monotone' if self.monotone else 'NOT MONOTONE'}",
             slope,
-            *(f"{name}: {', '.join(of)}" for name, of in remarks if of),
+            *(f"{name}: {', '.join(of)}{means}" for name, of, means in remarks if of),
         )
 
 

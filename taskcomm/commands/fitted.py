@@ -81,10 +81,9 @@ def say(result: FitResult, trials: int, terminal: Terminal) -> None:
     terminal.line("Certificate")
     for line in result.certificate.lines():
         terminal.line(f"  {line}")
-    if result.remarks:
-        terminal.line()
     for remark in result.remarks:
-        terminal.line(f"- {remark}")
+        if remark.split()[0] not in result.marks:  # those of single parameters stand above
+            terminal.line(f"- {remark}")
     above = 0.0 if result.uncertainty is None else result.uncertainty.above
     if above > MORE_LIKELY:
         terminal.message(
