@@ -78,7 +78,7 @@ class _Replanner:
             if t in moments:
                 found.append(self._decide(beliefs, state))
             state = trial.states[t]
-            beliefs = [belief.update(state, step.pressed) for belief in beliefs]
+            beliefs = [belief.update(state, step.pressed, step.signals) for belief in beliefs]
         return found
 
     def _decide(self, beliefs: list[Belief], state: Any) -> tuple[bool, float] | None:

@@ -97,7 +97,7 @@ def press_probability(trial: Trial, model: TeacherModel) -> Floats:
     belief, probability = Belief.initial(world, model, known), np.empty(trial.num_steps)
     for t, (state, step) in enumerate(zip(trial.states, trial.steps, strict=True)):
         probability[t] = belief.press_probability(state)
-        belief = belief.update(state, step.pressed)
+        belief = belief.update(state, step.pressed, step.signals)
     return probability
 
 
