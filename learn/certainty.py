@@ -15,9 +15,10 @@ from learn.information import Information, information
 from learn.intervals import How, Method, ParameterInterval, Uncertainty
 from learn.mstep import Objective
 from learn.optimum import climb_smoothly
-from learn.profile import CLOSE, Profile, Slice
+from learn.profile import CLOSE, Profile
 from learn.resampling import groups_of, resampled
 from learn.result import FitResult
+from learn.slices import Slice
 from taskcomm.lattice import Bools, Floats
 from taskcomm.parallel import map_in_order
 from taskcomm.trials import Trial

@@ -12,7 +12,8 @@ from learn.coordinates import vector_of
 from learn.em import prepare
 from learn.information import information
 from learn.mstep import Objective
-from learn.profile import CLOSE, Profile, Slice
+from learn.profile import CLOSE, Profile
+from learn.slices import Slice
 from taskcomm.lattice import Floats
 from taskcomm.teacher import TeacherModel
 
