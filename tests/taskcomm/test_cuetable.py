@@ -96,6 +96,20 @@ def test_rows_of_trials_may_alternate_and_columns_stand_anywhere(table: Callable
     assert first.states[1] == frozenset({"tone"})
 
 
+def test_the_order_of_columns_and_trials_changes_no_likelihood(table: Callable[..., Path]) -> None:
+    head, *rows = [line.split(",") for line in GOOD.splitlines()]
+    order = [5, 2, 0, 4, 3, 1]
+    turned = [[row[at] for at in order] for row in (head, *rows[2:], *rows[:2])]
+    values = []
+    for path in (table(GOOD), table("\n".join(map(",".join, turned)), "turned.csv")):
+        trials = read_cue_tables(path, dt=0.5)
+        model = TeacherModel(
+            0.01, {"a": TableTop("tone", 0.2, 1.0, 2.0), "b": TableTop("light", 0.1, 0.5, 1.0)}
+        )
+        values.append(log_likelihood(trials, trials[0].world, model))
+    assert values[0] == pytest.approx(values[1], rel=1e-12)
+
+
 def test_several_tables_are_one_study(table: Callable[..., Path]) -> None:
     more = "trial_id,t,press,tone,light\nd,0,0,1,0\n"
     trials = read_cue_tables([table(GOOD), table(more, "more.csv")], dt=0.5)
