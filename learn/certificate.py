@@ -79,11 +79,11 @@ class Certificate:
         said = "may be trusted" if self.trusted else "NOT TO BE TRUSTED"
         below = [ending.below for ending in self.endings]
         hills = "in one basin" if self.basins == 1 else f"in {self.basins} basins"
-        count = "1 start" if len(below) == 1 else f"{len(below)} starts"
+        count = "1 start, whose own climb" if len(below) == 1 else f"{len(below)} starts, whose own climbs"
         slope = "nothing was free"
         if self.steepest is not None:
             held = "no direction rises" if self.steepest <= self.tolerance else "NOT AN OPTIMUM"
-            along = f" along {self.steepest_along}" if self.steepest_along else ""
+            along = f" towards {self.steepest_along}" if self.steepest_along else ""
             slope = f"{held}; steepest one-sided slope {self.steepest:.2g} nats{along}"
         remarks = [
             ("kinks", self.kinks, " (the likelihood falls at a slope to either side)"),
@@ -93,7 +93,7 @@ class Certificate:
         ]
         return (
             f"{said}: {self.kind}" + (f" ({'; '.join(self.reasons)})" if self.reasons else ""),
-            f"{count}, whose own climbs ended {_span(below)} nats below the optimum, {hills}",
+            f"{count} ended {_span(below)} nats below the optimum, {hills}",
             f"EM alone reached an objective of {self.em_alone:.2f} nats, the search added"
             f" {self.search_gain:.2f}; {self.iterations} iterations,"
             f" {'monotone' if self.monotone else 'NOT MONOTONE'}",
@@ -167,10 +167,10 @@ def steepest_along(slopes: Slopes, labels: Sequence[str]) -> str:
 
 
 def named_direction(direction: Floats, labels: Sequence[str]) -> str:
-    """A direction by the coordinates that it moves; a sign alone where it is one."""
+    """A direction by the coordinates that it moves; only higher or lower where it is one."""
     moved = np.flatnonzero(np.abs(direction) > 0.05).tolist()
     if len(moved) == 1:
-        return f"{'+' if direction[moved[0]] > 0 else '-'} {labels[moved[0]]}"
+        return f"{'higher' if direction[moved[0]] > 0 else 'lower'} {labels[moved[0]]}"
     return ", ".join(f"{direction[i]:+.2f} {labels[i]}" for i in moved)
 
 
@@ -202,7 +202,7 @@ def degeneracies(
         found.append("every step has a press, so nothing says when people wait")
     flat = flat_direction(objective, point, _smooth(space, point, marks, names))
     if flat is not None:
-        found.append(f"the log-likelihood has no peak along {named_direction(flat, labels)}: it is flat")
+        found.append(f"the log-likelihood has no peak towards {named_direction(flat, labels)}: it is flat")
     return tuple(found)
 
 

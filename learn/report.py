@@ -115,7 +115,7 @@ def _fit(found: Comparison) -> str:
         "The probability of each mental state per step, since its cue went on (left, from level 0) and",
         "off (right, from level 1). Numbers: `table-tops.csv`.",
     )
-    remarks = "\n".join(f"- {remark}" for remark in fitted.remarks)
+    remarks = "\n".join(f"- {remark}" for remark in fitted.wider_remarks)
     parts = [
         "## The learned teacher",
         about,

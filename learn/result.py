@@ -109,6 +109,11 @@ class FitResult:
         return names_of(list(self.model.approvals))
 
     @property
+    def wider_remarks(self) -> tuple[str, ...]:
+        """Those of `remarks` that are of an approval state or of all, which no mark of a parameter says."""
+        return tuple(remark for remark in self.remarks if remark.split()[0] not in self.marks)
+
+    @property
     def audit(self) -> tuple[Audited, ...]:
         """What bears on each parameter and a verdict, see `learn.audit`, in the order of `parameters`."""
         found = {} if self.uncertainty is None else self.uncertainty.by_parameter

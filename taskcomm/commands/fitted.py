@@ -81,9 +81,8 @@ def say(result: FitResult, trials: int, terminal: Terminal) -> None:
     terminal.line("Certificate")
     for line in result.certificate.lines():
         terminal.line(f"  {line}")
-    for remark in result.remarks:
-        if remark.split()[0] not in result.marks:  # those of single parameters stand above
-            terminal.line(f"- {remark}")
+    for remark in result.wider_remarks:
+        terminal.line(f"- {remark}")
     above = 0.0 if result.uncertainty is None else result.uncertainty.above
     if above > MORE_LIKELY:
         terminal.message(
