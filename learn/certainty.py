@@ -208,8 +208,10 @@ class _Intervals:
             way[along.keep], way[c] = -along.slopes(self.centre), 1.0
             error, rest = math.sqrt(way @ covariance @ way), self.centre[along.keep]
             if math.isfinite(error):
-                ends = [along.point(along.value(self.centre) + s * reach * error, rest) for s in (-1, 1)]
-                low, high = (along.natural(np.clip(end, space.least, space.most)) for end in ends)
+                values = along.value(self.centre) + reach * error * np.array([-1.0, 1.0])
+                if c >= len(space.odds):
+                    values = np.clip(values, space.least[c], space.most[c])
+                low, high = (along.natural(along.point(value, rest)) for value in values.tolist())
                 limits |= dict.fromkeys(self.named((int(c), None)), Limits(low, high, "wald"))
         return limits
 
