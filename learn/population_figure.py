@@ -71,7 +71,7 @@ def worth_of_knowing(rows: Sequence[Mapping[str, Any]], title: str, ax: Axes | N
     ax.set_xlabel("trials of the teacher known before")
     ax.set_ylabel("nats per trial over one model for all")
     ax.set_title(title)
-    ax.legend(loc="upper right")
+    ax.legend(loc="lower right")
     return ax
 
 

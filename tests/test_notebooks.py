@@ -56,7 +56,11 @@ assert all(each.spread * np.exp(1.96 * each.spread_error) > 0.4 for each in popu
 falls = [j for j, each in enumerate(population.common) if each.name.endswith("fall")]
 assert all(abs(teacher.own_share[j]) < 0.3 for teacher in population.teachers for j in falls)
 assert robot.model == population.teacher([first, second])
-differ, alike = studies.values()
+differ, somewhat, alike = studies.values()
+some = {row["arm"]: float(row["low"]) for row in somewhat if row["known"] == ""}
+assert some["population"] < 0 < some["population, averaged"]
+assert all(float(row["time_ratio_low"]) < 1 < float(row["time_ratio_high"]) for row in loop[1:])
+assert {row["trials"] for row in loop} == {"36"}
 over_all = {row["arm"]: row for row in differ if row["known"] == ""}
 assert 0.3 < float(over_all["population"]["estimate"]) < 0.5 and float(over_all["population"]["low"]) > 0
 later = [row for row in differ if row["arm"] == "population" and row["known"] in tuple("2345")]
