@@ -1,7 +1,8 @@
-"""The rows of a cue table as they stand in a CSV or Parquet file, before anything is made of them."""
+"""The rows of a cue table as they stand in a CSV or Parquet file, and what a cell can hold."""
 
 import csv
 import io
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,10 @@ from typing import Any
 from taskcomm.loglines import LineError
 
 ENDINGS = (".csv", ".parquet")
+NEEDED = ("trial_id", "t", "press")
+OWN = (*NEEDED, "participant_id", "source", "dt")
+MISSING = frozenset(("", "na", "nan"))
+FLAGS = {"0": False, "1": True, "0.0": False, "1.0": True, "false": False, "true": True}
 
 
 def is_cue_table(path: Path) -> bool:
@@ -83,3 +88,53 @@ def _parquet(path: Path) -> tuple[list[str], Iterator[tuple[int, Sequence[Any]]]
             file.close()
 
     return names, rows()
+
+
+def _cell(value: Any) -> str:
+    """A cell as text, "" where it is empty."""
+    return "" if value is None else str(value).strip()
+
+
+def text_of(column: str, row: dict[str, Any]) -> str:
+    """A text that is not empty. These raise LineError, naming the column, for anything else."""
+    text = _cell(row[column])
+    if not text:
+        raise LineError(f"column {column!r}: empty")
+    return text
+
+
+def count_of(column: str, row: dict[str, Any]) -> int:
+    """A whole number from 0."""
+    text = _cell(row[column])
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not (0 <= number < 1 << 53 and number == math.floor(number)):
+        raise LineError(
+            f"column {column!r}: must count the steps of a trial, 0, 1, 2, ..., not be {text!r}"
+            " (how long a step is, dt says)"
+        )
+    return int(number)
+
+
+def seconds_of(column: str, row: dict[str, Any]) -> float:
+    """A length of time above 0, in seconds."""
+    text = _cell(row[column])
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not (math.isfinite(number) and number > 0):
+        raise LineError(f"column {column!r}: must be a positive number of seconds, not {text!r}")
+    return number
+
+
+def flag_of(column: str, row: dict[str, Any], may_miss: bool = False) -> bool | None:
+    """0 or 1; None for nothing, where that may be."""
+    text = _cell(row[column]).lower()
+    flag = FLAGS.get(text)
+    if flag is None and not (may_miss and text in MISSING):
+        hint = "; every column but " + ", ".join(OWN) + " is a cue" if column != "press" else ""
+        raise LineError(f"column {column!r}: must be 0 or 1, not {text!r}{hint}")
+    return flag

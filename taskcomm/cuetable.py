@@ -14,17 +14,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from taskcomm.cuerows import columns_and_rows
+from taskcomm.cuerows import NEEDED, OWN, columns_and_rows, count_of, flag_of, seconds_of, text_of
 from taskcomm.cueworld import CueWorld
 from taskcomm.loglines import LineError
 from taskcomm.logreader import Finding, LogError
 from taskcomm.logs import Report
 from taskcomm.trials import Step, Trial
 
-NEEDED = ("trial_id", "t", "press")
-OWN = (*NEEDED, "participant_id", "source", "dt")
-MISSING = frozenset(("", "na", "nan"))
-FLAGS = {"0": False, "1": True, "0.0": False, "1.0": True, "false": False, "true": True}
 Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
 
@@ -175,35 +171,35 @@ class _Reader:
             self._problem(self._line, str(error))
 
     def _trial_of(self, row: dict[str, Any], before: set[str]) -> _Open:
-        name = _text("trial_id", row)
+        name = text_of("trial_id", row)
         part = self.open.get(name)
         if part is not None and name in before:
             said, part.broken = part.broken, True
             if not said:
                 raise LineError(f"trial {name!r} is there twice, first in {part.place}")
         if part is None:
-            person = _text("participant_id", row) if "participant_id" in row else None
-            source = _text("source", row) if "source" in row else "cue table"
+            person = text_of("participant_id", row) if "participant_id" in row else None
+            source = text_of("source", row) if "source" in row else "cue table"
             part = self.open[name] = _Open(name, person, source, f"{self._path}:{self._line}")
         return part
 
     def _add(self, part: _Open, row: dict[str, Any], cues: Sequence[str]) -> None:
         """One more step of a trial."""
         for column, first in (("participant_id", part.participant_id), ("source", part.source)):
-            if column in row and (value := _text(column, row)) != first:
+            if column in row and (value := text_of(column, row)) != first:
                 raise LineError(
                     f"column {column!r}: trial {part.trial_id!r} has {value!r} here, but began with {first!r}"
                     " (every trial needs a trial_id of its own)"
                 )
-        t, due = _count("t", row), len(part.steps)
+        t, due = count_of("t", row), len(part.steps)
         if t != due:
             raise LineError(
                 f"column 't': trial {part.trial_id!r} has {t} here, where {due} is due; every step has a row"
             )
         if "dt" in row:
-            self._check_dt(_seconds("dt", row))
-        pressed = _flag("press", row, may_miss=True)
-        key = frozenset(name for name in cues if _flag(name, row)), pressed
+            self._check_dt(seconds_of("dt", row))
+        pressed = flag_of("press", row, may_miss=True)
+        key = frozenset(name for name in cues if flag_of(name, row)), pressed
         if key not in self._made:
             assert self.world is not None
             self._made[key] = Step(self.world.show(key[0]), pressed, action_source="operator")
@@ -215,50 +211,3 @@ class _Reader:
         if abs(dt - self.dt) > 1e-9 * self.dt:
             earlier = "was given" if self._given is not None else "came before"
             raise LineError(f"column 'dt': {dt:g} s, where {self.dt:g} s {earlier}; a table has one dt")
-
-
-def _as_text(value: Any) -> str:
-    """A cell as text, "" where it is empty."""
-    return "" if value is None else str(value).strip()
-
-
-def _text(column: str, row: dict[str, Any]) -> str:
-    text = _as_text(row[column])
-    if not text:
-        raise LineError(f"column {column!r}: empty")
-    return text
-
-
-def _count(column: str, row: dict[str, Any]) -> int:
-    text = _as_text(row[column])
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not (number >= 0 and number == math.floor(number) and number < 1 << 53):
-        raise LineError(
-            f"column {column!r}: must count the steps of a trial, 0, 1, 2, ..., not be {text!r}"
-            " (how long a step is, dt says)"
-        )
-    return int(number)
-
-
-def _seconds(column: str, row: dict[str, Any]) -> float:
-    text = _as_text(row[column])
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not (math.isfinite(number) and number > 0):
-        raise LineError(f"column {column!r}: must be a positive number of seconds, not {text!r}")
-    return number
-
-
-def _flag(column: str, row: dict[str, Any], may_miss: bool = False) -> bool | None:
-    """0 or 1; None for nothing, where that may be."""
-    text = _as_text(row[column]).lower()
-    flag = FLAGS.get(text)
-    if flag is None and not (may_miss and text in MISSING):
-        hint = "; every column but " + ", ".join(OWN) + " is a cue" if column != "press" else ""
-        raise LineError(f"column {column!r}: must be 0 or 1, not {text!r}{hint}")
-    return flag

@@ -125,6 +125,8 @@ def test_several_tables_are_one_study(table: Callable[..., Path]) -> None:
         (("a,p1,1,1,1,0", "a,p1,0.5,1,1,0"), 3, "column 't': must count the steps .* not be '0.5'"),
         (("a,p1,1,1,1,0", "a,p1,-1,1,1,0"), 3, "column 't': must count"),
         (("a,p1,1,1,1,0", "a,p1,x,1,1,0"), 3, "column 't': must count"),
+        (("a,p1,1,1,1,0", "a,p1,inf,1,1,0"), 3, "column 't': must count"),
+        (("a,p1,1,1,1,0", "a,p1,nan,1,1,0"), 3, "column 't': must count"),
         (("a,p1,1,1,1,0", "a,p2,1,1,1,0"), 3, "column 'participant_id': trial 'a' has 'p2' here"),
         (("b,p1,0,0,1,1", "b,,0,0,1,1"), 4, "column 'participant_id': empty"),
         (("b,p1,0,0,1,1", ",p1,0,0,1,1"), 4, "column 'trial_id': empty"),
