@@ -61,6 +61,8 @@ some = {row["arm"]: float(row["low"]) for row in somewhat if row["known"] == ""}
 assert some["population"] < 0 < some["population, averaged"]
 assert all(float(row["time_ratio_low"]) < 1 < float(row["time_ratio_high"]) for row in loop[1:])
 assert {row["trials"] for row in loop} == {"36"}
+assert all(float(row["right"]) < 0.7 for row in kept("loop-horizon-2"))
+assert kept("loop-horizon-2")[1]["time_ratio"] == "1.0993"
 over_all = {row["arm"]: row for row in differ if row["known"] == ""}
 assert 0.3 < float(over_all["population"]["estimate"]) < 0.5 and float(over_all["population"]["low"]) > 0
 later = [row for row in differ if row["arm"] == "population" and row["known"] in tuple("2345")]
