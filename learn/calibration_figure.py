@@ -75,7 +75,7 @@ def _thresholds(ax: Axes, judged: Mapping[str, Calibration], what: str) -> None:
     goal = next(iter(judged.values())).needed.goal
     ax.axhline(goal, color="0.5", linewidth=0.9, linestyle=":", zorder=0)
     ax.set_ylim(max(0.0, min([*lowest, SURE]) - 0.02), 1.005)
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0%}"))
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{100 * value:g}%"))
     for place, one in enumerate(judged.values()):
         if SURE <= one.needed.threshold < 1:
             mark = {"marker": MARKS[place % len(MARKS)], "color": style_of(place)["color"]}
