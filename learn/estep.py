@@ -47,7 +47,7 @@ class Evidence:
     def __init__(self, exposure: Exposure) -> None:
         self.exposure = exposure
         self.chain = Chain(exposure.lattice)
-        self._by_share = np.zeros(exposure.lattice.size)
+        self._by_share, self._spread = np.zeros_like(self.chain.share), np.zeros_like(self.chain.waiting)
         trial = exposure.unit_trial
         self._first = np.flatnonzero(np.diff(trial, prepend=-1))
         with np.errstate(divide="ignore"):
@@ -92,9 +92,9 @@ class Evidence:
         """The E-step at `parameters`."""
         log_likelihood, unit = self._over_tasks(self.chain.run(parameters))
         self._smooth(unit)
-        flow, memory = self.chain.flow, self.chain.memory.copy()
+        flow, memory = self.chain.flow, self.chain.memory
         _, rates = self._sum(parameters, memory, flow, as_counts=False)
-        press, value = self._presses(parameters), self._total(log_likelihood)
+        press, value = self.chain.press, self._total(log_likelihood)
         return Expectation(log_likelihood, memory, press, rates, unit, value)
 
     def value(self, parameters: Parameters) -> float:
@@ -107,22 +107,6 @@ class Evidence:
         self._smooth(unit)
         _, rates = self._sum(parameters, self.chain.memory, self.chain.flow, as_counts=False)
         return self._total(log_likelihood), rates
-
-    def _presses(self, parameters: Parameters) -> Floats:
-        """`flow` times the probability of the mental state at the event, for every memory."""
-        lattice, flow = self.exposure.lattice, self.chain.flow
-        sizes = np.diff(lattice.layer_memories)
-        last = np.zeros(len(sizes), dtype=np.bool_)
-        last[lattice.unit_layers[1:] - 1] = True
-        at_end = np.where(last, np.maximum(lattice.layer_press - 1, lattice.layer_first), lattice.layer_press)
-        index = lattice.memory_base + np.repeat(at_end, sizes)[:, None]
-        press = flow.copy()
-        used = ~np.repeat(last, sizes)
-        approvals = parameters.peak * self.chain.share[index[used]]
-        press[used, 0] *= 1 - parameters.mistake - approvals.sum(axis=1)
-        press[used, 1] *= parameters.mistake
-        press[used, 2:] *= approvals
-        return press
 
     def expected_log_likelihood(
         self, parameters: Parameters, expectation: Expectation
@@ -144,10 +128,12 @@ class Evidence:
         def part(first: int, last: int) -> Floats:
             answer, rates = np.zeros(2), np.zeros((6, len(p.peak)))
             _slopes.expected(
-                lattice, first, last, p.mistake, p.peak, chain.share, memory, press, as_counts,
-                self._by_share, answer,
+                lattice, chain.courses, first, last, p.mistake, p.peak, chain.share, chain.waiting,
+                chain.before, chain.scale, memory, press, as_counts, self._spread, self._by_share, answer,
             )  # fmt: skip
-            _slopes.collapse(lattice, first, last, p.peak, chain.share, chain.slope, self._by_share, rates)
+            _slopes.collapse(
+                lattice, chain.courses, first, last, p.peak, chain.share, chain.slope, self._by_share, rates
+            )
             return np.concatenate([answer, rates.ravel()])
 
         total = np.sum(over_ranges(part, chain.ranges), axis=0)

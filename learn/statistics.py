@@ -55,8 +55,8 @@ def informed(objective: Objective, vector: Floats, expectation: Expectation) -> 
         chain.trace(parameters)
         steps, presses, reached = np.zeros((7, states)), np.zeros((7, states)), np.zeros(states)
         _slopes.informed(
-            chain.lattice, chain.share, chain.slope, expectation.memory, expectation.press, steps, presses,
-            reached,
+            chain.lattice, chain.courses, chain.share, chain.slope, expectation.memory, expectation.press,
+            steps, presses, reached,
         )  # fmt: skip
         reached[np.isfinite(parameters.decay) & (reached > 0)] = 1.0  # a plateau that decays hides it
         gone = at[1 : 1 + states] < vanishing * (1 - at[: 1 + states].sum())

@@ -10,34 +10,46 @@ from typing import Any
 
 from taskcomm.compiling import kernel
 
-SMALL = 1e-200
+SMALL = 1e-200  # a product is folded into its logarithm below
+FAR = 1e-50  # so is one, below or above its inverse, that may be multiplied by such a product
 
-_kernel = kernel(__name__, "the passes over a trial")
+_kernel = kernel(__name__, "the passes over a trial", _nrt=False, error_model="numpy")
 
 
 @_kernel
 def trace(
-    lattice: Any, first: int, last: int, dt: float, rise: Any, fall: Any, late: Any, part: Any, decay: Any,
-    hold: Any, share: Any, slope: Any,
+    lattice: Any, courses: Any, first: int, last: int, dt: float, rise: Any, fall: Any, late: Any,
+    part: Any, decay: Any, hold: Any, share: Any, slope: Any,
 ) -> None:  # fmt: skip
-    """Write `share` along every track, and to `slope` (5, size) its rates in rise, fall, delay, decay, hold.
+    """Write `share` along lines, and to `slope` (5, levels) its rates in rise, fall, delay, decay, hold.
 
     Where a level has just reached 0 or 1 the rates are those of staying there; in the delay they are
     those towards a longer one, in the hold those towards a shorter one.
     """
-    for j in range(lattice.unit_tracks[first], lattice.unit_tracks[last]):
+    for line in range(courses.unit_lines[first], courses.unit_lines[last]):
+        j = courses.line_track[line]
         m = lattice.track_state[j]
         up, down, n = 1.0 / rise[m], 1.0 / fall[m], late[m]
         early = part[m] * dt
         level = by_rise = by_fall = by_delay = 0.0
         on_time = on_by_delay = 0.0
-        at, cue, start = lattice.track_at[j], lattice.track_cue[j], lattice.track_first[j]
+        at, cue, start = courses.line_at[line], lattice.track_cue[j], lattice.track_first[j]
         rest = lattice.track_rest[j] + start
         for i in range(lattice.track_length[j]):
             t = start + i
             older = t - n - 1 >= 0 and lattice.cues[cue + t - n - 1] > 0
             newer = t - n >= 0 and lattice.cues[cue + t - n] > 0
-            for half in range(2):
+            if level == 0.0 and not older and not newer:
+                on_time = on_by_delay = 0.0
+                share[at + i] = 0.0
+                for k in range(5):
+                    slope[k, at + i] = 0.0
+                continue
+            halves = 2
+            if level == 1.0 and older and newer:  # nothing changes but the time
+                on_time += dt
+                halves = 0
+            for half in range(halves):
                 on = older if half == 0 else newer
                 seconds = early if half == 0 else dt - early
                 stretch = 1.0 if half == 0 else -1.0
@@ -76,33 +88,43 @@ def trace(
 
 
 @_kernel
-def transition(lattice: Any, layer: int, s: int, reset: int, mistake: float, peak: Any, share: Any) -> Any:
-    """P(that reset, what is observed | memory s) at the event of a layer."""
-    event, press = lattice.event[layer], lattice.layer_press[layer]
-    if reset > 0:
-        return event[1 + reset] * peak[reset - 1] * share[lattice.memory_base[s, reset - 1] + press]
-    if event[0] == 0.0:
-        return event[1] * mistake
-    waiting = 1.0 - mistake
-    for m in range(len(peak)):
-        waiting -= peak[m] * share[lattice.memory_base[s, m] + press]
-    return event[0] * waiting + event[1] * mistake
+def along(
+    lattice: Any, courses: Any, first: int, last: int, mistake: float, peak: Any, share: Any, waiting: Any,
+    before: Any, scale: Any,
+) -> None:  # fmt: skip
+    """Write P(waiting) of every cell, and the probability of waiting in all cells of its course before it.
+
+    The latter is `before` times the exponential of `scale`.
+    """
+    for k in range(courses.unit_courses[first], courses.unit_courses[last]):
+        product, logs = 1.0, 0.0
+        for c in range(courses.course_at[k], courses.course_at[k + 1]):
+            before[c] = product
+            scale[c] = logs
+            p = 1.0 - mistake
+            for m in range(len(peak)):
+                p -= peak[m] * share[courses.cell_level[c, m]]
+            waiting[c] = p
+            product *= p
+            if product < SMALL:
+                logs += math.log(product)
+                product = 1.0
 
 
 @_kernel
 def forward(
-    lattice: Any, first: int, last: int, mistake: float, peak: Any, share: Any, quiet: Any, entered: Any,
-    left: Any, total: Any, log_likelihood: Any,
+    lattice: Any, courses: Any, first: int, last: int, mistake: float, peak: Any, share: Any, waiting: Any,
+    before: Any, scale: Any, quiet: Any, entered: Any, total: Any, log_likelihood: Any,
 ) -> None:  # fmt: skip
     """Filter forward over the layers; write the log-likelihood of each unit.
 
-    `quiet[s]` is the log-probability of the steps before the event in memory s, less the greatest of its
-    layer; `entered[s]` and `left[s]` are the weights of memory s when its layer begins and when its
-    event comes; `total[l]` is what the weights of layer l summed to, before they were made to sum to 1.
+    `quiet[s]` is the probability of the steps before the event in memory s, over a number common to its
+    layer; `entered[s]` is the weight of memory s when its layer begins; `total[l]` is what the weights of
+    layer l summed to when its event came, before they were made to sum to 1.
     """
     states = len(peak)
     for u in range(first, last):
-        answer = lattice.unit_constant[u]
+        answer, mass = lattice.unit_constant[u], 1.0
         begin = lattice.layer_memories[lattice.unit_layers[u]]
         end = lattice.layer_memories[lattice.unit_layers[u + 1]]
         for s in range(begin, end):
@@ -110,77 +132,110 @@ def forward(
         entered[begin] = 1.0
         for layer in range(lattice.unit_layers[u], lattice.unit_layers[u + 1]):
             begin, end = lattice.layer_memories[layer], lattice.layer_memories[layer + 1]
-            press = lattice.layer_press[layer]
-            best = -math.inf
+            start, press = lattice.layer_first[layer], lattice.layer_press[layer]
+            best, top = -math.inf, 1.0
             for s in range(begin, end):
-                product, logs = 1.0, 0.0
-                for t in range(lattice.layer_first[layer], press):
-                    waiting = 1.0 - mistake
-                    for m in range(states):
-                        waiting -= peak[m] * share[lattice.memory_base[s, m] + t]
-                    product *= waiting
-                    if product < SMALL:
-                        logs += math.log(product)
-                        product = 1.0
-                quiet[s] = logs + math.log(product)
-                if entered[s] > 0.0:
-                    best = max(best, quiet[s])
+                cell = courses.memory_cell[s]
+                p, lost = (
+                    before[cell + press] / before[cell + start],
+                    scale[cell + press] - scale[cell + start],
+                )
+                quiet[s] = p
+                if entered[s] > 0.0 and lost >= best:
+                    top = max(top, p) if lost == best else p
+                    best = lost
             answer += best
+            mass *= top
+            if not FAR < mass < 1 / FAR:
+                answer += math.log(mass)
+                mass = 1.0
             final = layer + 1 == lattice.unit_layers[u + 1]
-            weight = 0.0
+            silent, weight = lattice.event[layer, 0], 0.0
             for s in range(begin, end):
-                quiet[s] = min(quiet[s] - best, 600.0)
-                left[s] = entered[s] * math.exp(quiet[s])
+                cell = courses.memory_cell[s]
+                p, lost = quiet[s] / top, scale[cell + press] - scale[cell + start]
+                if lost != best:
+                    p *= math.exp(min(lost - best, 600.0))
+                quiet[s] = p
+                leaving = entered[s] * p
                 if final:
-                    weight += left[s]
+                    weight += leaving
                     continue
                 for reset in range(states + 1):
                     after = lattice.memory_next[s, reset]
-                    if after >= 0:
-                        p = transition(lattice, layer, s, reset, mistake, peak, share)
-                        entered[after] += left[s] * p
-                        weight += left[s] * p
+                    if after < 0:
+                        continue
+                    if reset > 0:
+                        p = peak[reset - 1] * share[courses.cell_level[cell + press, reset - 1]]
+                        p *= lattice.event[layer, 1 + reset]
+                    else:
+                        p = lattice.event[layer, 1] * mistake
+                        if silent > 0.0:
+                            p += silent * waiting[cell + press]
+                    entered[after] += leaving * p
+                    weight += leaving * p
             total[layer] = weight
-            answer += math.log(weight) if weight > 0.0 else -math.inf
             if not weight > 0.0:
                 answer = -math.inf
                 break
+            mass *= weight
+            if not FAR < mass < 1 / FAR:
+                answer += math.log(mass)
+                mass = 1.0
             if not final:
                 for s in range(end, lattice.layer_memories[layer + 2]):
                     entered[s] /= weight
-        log_likelihood[u] = answer
+        log_likelihood[u] = answer + math.log(mass)
 
 
 @_kernel
 def backward(
-    lattice: Any, first: int, last: int, mistake: float, peak: Any, share: Any, quiet: Any, entered: Any,
-    left: Any, total: Any, log_likelihood: Any, unit_weight: Any, ahead: Any, memory: Any, flow: Any,
+    lattice: Any, courses: Any, first: int, last: int, mistake: float, peak: Any, share: Any, waiting: Any,
+    quiet: Any, entered: Any, total: Any, log_likelihood: Any, unit_weight: Any, ahead: Any, memory: Any,
+    flow: Any, press: Any,
 ) -> None:  # fmt: skip
-    """Smooth backward: `memory[s]`, P(memory s | whole trial), and `flow[s, state]`, (memories, 2 + M).
+    """Smooth backward: `memory[s]`, P(memory s | whole trial), and `press[s, state]`, (memories, 2 + M).
 
-    `flow` times P(M = state | memory s) at the event is P(memory s, M = state | whole trial), columns as
-    `mental_states`; it is the rate of the log-likelihood in that probability, and may be positive where
-    the probability is 0. All is weighted by `unit_weight`; a unit of probability 0 has zeros.
+    `press` is P(memory s, M = state at its event | whole trial), columns as `mental_states`; `flow` is
+    `press` over P(M = state | memory s): the rate of the log-likelihood in that probability, which may be
+    positive where the probability is 0. All is weighted by `unit_weight`; a unit of probability 0 has zeros.
     """
     states = len(peak)
     for u in range(first, last):
         impossible = log_likelihood[u] == -math.inf
         for layer in range(lattice.unit_layers[u + 1] - 1, lattice.unit_layers[u] - 1, -1):
-            event, final = lattice.event[layer], layer + 1 == lattice.unit_layers[u + 1]
+            final = layer + 1 == lattice.unit_layers[u + 1]
+            silent, event = lattice.event[layer, 0], lattice.layer_press[layer]
             for s in range(lattice.layer_memories[layer], lattice.layer_memories[layer + 1]):
-                flow[s] = 0.0
+                for state in range(states + 2):
+                    flow[s, state] = 0.0
+                    press[s, state] = 0.0
                 if impossible:
                     memory[s] = 0.0
                     continue
                 future = unit_weight[u] / total[layer] if final else 0.0
-                for reset in range(states + 1):
-                    after = -1 if final else lattice.memory_next[s, reset]
-                    if after < 0:
-                        continue
-                    onward = ahead[after] / total[layer]
-                    future += onward * transition(lattice, layer, s, reset, mistake, peak, share)
-                    flow[s, 1 + reset] = left[s] * onward * event[1 + reset]
-                    if reset == 0:
-                        flow[s, 0] = left[s] * onward * event[0]
-                ahead[s] = math.exp(quiet[s]) * future
+                if not final:
+                    cell, leaving = courses.memory_cell[s] + event, entered[s] * quiet[s]
+                    for reset in range(states + 1):
+                        after = lattice.memory_next[s, reset]
+                        if after < 0:
+                            continue
+                        onward = ahead[after] / total[layer]
+                        if reset > 0:
+                            p = peak[reset - 1] * share[courses.cell_level[cell, reset - 1]]
+                            rate = leaving * onward * lattice.event[layer, 1 + reset]
+                            flow[s, 1 + reset] = rate
+                            press[s, 1 + reset] = rate * p
+                            future += onward * (p * lattice.event[layer, 1 + reset])
+                            continue
+                        rate = leaving * onward * lattice.event[layer, 1]
+                        flow[s, 1] = rate
+                        press[s, 1] = rate * mistake
+                        p = lattice.event[layer, 1] * mistake
+                        if silent > 0.0:
+                            flow[s, 0] = leaving * onward * silent
+                            press[s, 0] = flow[s, 0] * waiting[cell]
+                            p += silent * waiting[cell]
+                        future += onward * p
+                ahead[s] = quiet[s] * future
                 memory[s] = entered[s] * ahead[s]

@@ -54,6 +54,11 @@ class Extent:
         most = p.steps_late + (p.part_late > 0)
         return cls(p.rise, p.fall, p.steps_late, most, np.isfinite(p.decay), p.rest_steps)
 
+    @property
+    def lag(self) -> int:
+        """The most steps late that a cue may be read, for the rates in the delay too."""
+        return int(self.most_late.max()) + 1
+
 
 class Lattice(NamedTuple):
     """Lattices of several units, a unit being one trial under one task, as flat arrays.
@@ -70,7 +75,8 @@ class Lattice(NamedTuple):
     `mental_states`, over its greatest. Unit u has the layers `unit_layers[u]` to `unit_layers[u + 1]` and
     the tracks `unit_tracks[u]` to `unit_tracks[u + 1]`; `unit_constant[u]` is the log-probability, in nats,
     of what its observations say of no memory. `unit_dropped[u]` bounds what memories that were left out
-    as too improbable add to the log-likelihood, at the parameters that they were judged by.
+    as too improbable add to the log-likelihood, at the parameters that they were judged by. No cue is
+    seen more than `lag` steps late.
     """
 
     cues: NDArray[np.uint8]
@@ -92,6 +98,7 @@ class Lattice(NamedTuple):
     event: Floats
     unit_constant: Floats
     unit_dropped: Floats
+    lag: int
 
     @property
     def size(self) -> int:
@@ -113,6 +120,7 @@ class _Unit(NamedTuple):
     event: Floats
     constant: float
     dropped: float
+    lag: int
 
 
 def _runs(flags: Bools) -> Ints:
@@ -232,7 +240,7 @@ def build_unit(
             moves.append(move)
     if ray is not None:
         ray.finish(memories)
-    return _assemble(cues, resets, layers, moves, last_use, rests, weights, ray)
+    return _assemble(cues, resets, layers, moves, last_use, rests, weights, ray, extent.lag)
 
 
 def _after(
@@ -274,6 +282,7 @@ def _assemble(
     rests: NDArray[np.uint8],
     weights: Floats,
     ray: Ray | None,
+    lag: int,
 ) -> _Unit:
     steps = len(cues)
     sizes = np.array([len(layer) for layer in layers], dtype=np.int64)
@@ -300,6 +309,7 @@ def _assemble(
         event=event,
         constant=constant,
         dropped=0.0 if ray is None else ray.bound,
+        lag=lag,
     )
 
 
@@ -360,4 +370,5 @@ def join(units: Sequence[_Unit]) -> Lattice:
         event=np.concatenate([unit.event for unit in units]),
         unit_constant=np.array([unit.constant for unit in units]),
         unit_dropped=np.array([unit.dropped for unit in units]),
+        lag=max(unit.lag for unit in units),
     )

@@ -7,14 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from taskcomm.courses import courses_of
 from taskcomm.lattice import MAX_MEMORIES, Bools, Extent, Floats, Ints, Lattice, build_unit, join
 from taskcomm.observation import observation_weights
 from taskcomm.parallel import over_ranges
 from taskcomm.teacher import Parameters, TeacherModel
 from taskcomm.trials import Trial
 from taskcomm.world import World
-
-WORTHWHILE = 50_000  # levels of tracks in a range: a pass over fewer is done before a thread has begun
 
 
 def cue_tables(trial: Trial, world: World, cues: Ints) -> Bools:
@@ -100,26 +99,29 @@ class Chain:
     """The buffers of the passes over one lattice, and the passes themselves.
 
     `run(parameters)` gives the log-likelihood of every unit, in nats, shape (units,); `smooth(weights)`
-    then leaves `memory` (memories,) and `flow` (memories, 2 + M), see `_chain.backward`.
+    then leaves `memory` (memories,), and `press` and `flow` (memories, 2 + M), see `_chain.backward`.
     """
 
     def __init__(self, lattice: Lattice) -> None:
         memories, layers = len(lattice.memory_next), len(lattice.layer_first)
-        self.lattice = lattice
+        self.lattice, (self.courses, self.ranges) = lattice, courses_of(lattice)
         self.units = len(lattice.unit_layers) - 1
-        self.share, self.slope = np.zeros(lattice.size), np.zeros((5, lattice.size))
-        self.quiet, self.entered, self.left, self.ahead, self.memory = np.zeros((5, memories))
+        levels, cells = int(self.courses.line_at[-1]), len(self.courses.cell_level)
+        self.share, self.slope = np.zeros(levels), np.zeros((5, levels))
+        self.waiting, self.before, self.scale = np.zeros((3, cells))
+        self.quiet, self.entered, self.ahead = np.zeros((3, memories))
         self.flow = np.zeros((memories, lattice.event.shape[1]))
+        self.memory, self.press = np.zeros(memories), np.zeros_like(self.flow)
         self.total, self.log_likelihood = np.zeros(layers), np.zeros(self.units)
-        self.ranges = _ranges(lattice)
         self.parameters: Parameters | None = None
 
     def sweep(self, kernel: Any, *arguments: Any) -> None:
-        """kernel(lattice, first, last, *arguments) over all units, in ranges, on threads."""
-        over_ranges(lambda first, last: kernel(self.lattice, first, last, *arguments), self.ranges)
+        """kernel(lattice, courses, first, last, *arguments) over all units, in ranges, on threads."""
+        lattice, courses = self.lattice, self.courses
+        over_ranges(lambda first, last: kernel(lattice, courses, first, last, *arguments), self.ranges)
 
     def trace(self, parameters: Parameters) -> None:
-        """The levels along every track at these parameters, with their rates."""
+        """The levels along every line at these parameters, their rates, and P(waiting) in every cell."""
         from taskcomm import _chain
 
         p = parameters
@@ -128,6 +130,7 @@ class Chain:
             _chain.trace, p.dt, p.rise, p.fall, p.steps_late, p.part_late, p.decay, p.hold,
             self.share, self.slope,
         )  # fmt: skip
+        self.sweep(_chain.along, p.mistake, p.peak, self.share, self.waiting, self.before, self.scale)
 
     def run(self, parameters: Parameters) -> Floats:
         """Log-likelihood of every unit at these parameters."""
@@ -135,49 +138,33 @@ class Chain:
 
         self.trace(parameters)
         self.sweep(
-            _chain.forward, parameters.mistake, parameters.peak, self.share, self.quiet,
-            self.entered, self.left, self.total, self.log_likelihood,
+            _chain.forward, parameters.mistake, parameters.peak, self.share, self.waiting, self.before,
+            self.scale, self.quiet, self.entered, self.total, self.log_likelihood,
         )  # fmt: skip
         return self.log_likelihood.copy()
 
     def smooth(self, unit_weight: Floats) -> None:
-        """The backward pass after `run`, with the units weighted."""
+        """The backward pass after `run`, with the units weighted; `memory` and `press` are new arrays."""
         from taskcomm import _chain
 
         p = self.parameters
         assert p is not None
+        self.memory, self.press = np.empty_like(self.memory), np.empty_like(self.press)
         self.sweep(
-            _chain.backward, p.mistake, p.peak, self.share, self.quiet, self.entered, self.left,
-            self.total, self.log_likelihood, unit_weight, self.ahead, self.memory, self.flow,
+            _chain.backward, p.mistake, p.peak, self.share, self.waiting, self.quiet, self.entered,
+            self.total, self.log_likelihood, unit_weight, self.ahead, self.memory, self.flow, self.press,
         )  # fmt: skip
 
     def reasons(self, unit: int) -> Floats:
         """P(M | trial) at every event of a unit, shape (events, 2 + M), after `smooth`."""
-        p, lattice = self.parameters, self.lattice
-        assert p is not None
-        layers = range(lattice.unit_layers[unit], lattice.unit_layers[unit + 1] - 1)
-        result = np.zeros((len(layers), len(p.peak) + 2))
-        for row, layer in enumerate(layers):
-            memories = slice(lattice.layer_memories[layer], lattice.layer_memories[layer + 1])
-            approvals = p.peak * self.share[lattice.memory_base[memories] + lattice.layer_press[layer]]
-            waiting = 1 - p.mistake - approvals.sum(axis=1, keepdims=True)
-            mistake = np.full((len(approvals), 1), p.mistake)
-            result[row] = (self.flow[memories] * np.hstack([waiting, mistake, approvals])).sum(axis=0)
-        return result
+        first, last = self.lattice.unit_layers[unit : unit + 2]
+        begin = self.lattice.layer_memories[first:last]
+        return np.add.reduceat(self.press[: self.lattice.layer_memories[last]], begin)[:-1]
 
     def events(self, unit: int) -> Ints:
         """The steps of a unit's events, shape (events,)."""
         layers = self.lattice.unit_layers[unit : unit + 2]
         return self.lattice.layer_press[layers[0] : layers[1] - 1]
-
-
-def _ranges(lattice: Lattice) -> list[tuple[int, int]]:
-    """Ranges of units of about equal work, as many as are worth a thread's while."""
-    work = np.concatenate([[0], np.cumsum(lattice.track_length)])[lattice.unit_tracks]
-    parts = int(min(16, max(1, work[-1] // WORTHWHILE)))
-    cuts = np.searchsorted(work, np.linspace(0, work[-1], parts + 1)[1:-1])
-    ends = np.unique([0, *cuts.tolist(), len(work) - 1])
-    return list(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
 
 
 @dataclass(frozen=True)
