@@ -11,6 +11,8 @@ from taught import WORLD, operator_trials, teacher
 
 from learn import FitError, FitResult, Uncertainty, fit, uncertainty
 from learn.bands import table_top_bands
+from learn.certainty import profile_curve
+from learn.interval_figure import coverage_plot, profile_plot
 from learn.intervals import ParameterInterval, interval_text
 from learn.plots import table_top
 from learn.profile import AGAIN, CLOSE
@@ -215,3 +217,39 @@ def test_a_band_is_drawn_behind_its_model_and_needs_draws() -> None:
     assert len(ax.collections) == 1
     with pytest.raises(ValueError, match=r"^bands: need an uncertainty just made by"):
         table_top_bands(by("wald"), model)
+
+
+def test_a_profile_curve_passes_the_ends_of_the_interval_at_the_drop_and_nowhere_exceeds_the_fit() -> None:
+    one = by("likelihood")["that_dist.peak"]
+    values, drops = profile_curve(fitted(), trials(), "that_dist.peak", points=9)
+    assert (np.diff(values) > 0).all()
+    assert drops.min() == pytest.approx(0, abs=1e-3)
+    assert values[drops.argmin()] == pytest.approx(one.estimate, rel=1e-6)
+    assert np.interp([one.low or 0, one.high or 0], values, drops) == pytest.approx(1.92, abs=0.15)
+    with pytest.raises(KeyError, match=r"that_dist\.delay: not among the parameters that were learned"):
+        profile_curve(fitted(), trials(), "that_dist.delay")
+    ax = profile_plot((values, drops), one, truth=0.15)
+    assert {line.get_label() for line in ax.lines} >= {"profile", "interval", "truth"}
+
+
+def test_the_figure_of_coverage_has_a_line_for_every_row_of_every_table() -> None:
+    row = {"parameter": "mistake", "coverage": "0.94", "coverage_low": "0.9", "coverage_high": "0.97"}
+    tables = {"profile": [row, row | {"parameter": "that_mov.peak"}], "standard error": [row]}
+    ax = coverage_plot(tables)
+    assert [text.get_text() for text in ax.get_yticklabels()] == ["mistake", "that_mov.peak"]
+    assert sum(len(line.get_xdata()) == 2 for line in ax.lines) >= 3  # type: ignore[arg-type]
+    legend = ax.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["profile", "standard error"]
+
+
+def test_shared_delays_and_decays_have_one_interval_each() -> None:
+    tops = {s: replace(top, delay=0.3, decay=3.0, hold=1.0) for s, top in teacher().approvals.items()}
+    late = operator_trials(6, replace(teacher(), approvals=tops), seed=4)
+    result = fit(late, WORLD, starts=1, delays="shared", decays="shared")
+    found = uncertainty(result, late)
+    for kind in ("delay", "decay"):
+        own = [found[f"{state}.{kind}"] for state in tops]
+        assert own[0].how == "profile"
+        assert len({(each.low, each.high) for each in own}) == 1
+        assert own[0].covers(own[0].estimate)
