@@ -8,7 +8,6 @@ from typing import Any, Literal
 import numpy as np
 
 from learn.basins import Ending
-from learn.coordinates import Coordinates
 from learn.mstep import Objective
 from learn.optimum import TOLERANCE, Slopes
 from learn.statistics import full, vanished
@@ -200,17 +199,18 @@ def degeneracies(
         found.append("mistake has vanished, so a robot with this model never gets over a mistake")
     if sum(map(len, exposure.press_steps)) == exposure.steps.sum():
         found.append("every step has a press, so nothing says when people wait")
-    flat = flat_direction(objective, point, _smooth(space, point, marks, names))
+    flat = flat_direction(objective, point, _smooth(objective, point, marks, names))
     if flat is not None:
         found.append(f"the log-likelihood has no peak towards {named_direction(flat, labels)}: it is flat")
     return tuple(found)
 
 
-def _smooth(space: Coordinates, point: Floats, marks: Mapping[str, str], names: Sequence[str]) -> list[int]:
+def _smooth(objective: Objective, point: Floats, marks: Mapping[str, str], names: Sequence[str]) -> list[int]:
     """The coordinates at neither kink nor bound nor ridge; where mistake and the peaks sum to 1, but the
     greatest of them, as all of their odds may grow together."""
+    space = objective.space
     plain = [c for c, members in enumerate(space.members) if not any(marks[names[int(i)]] for i in members)]
-    greatest = int(point[: len(space.odds)].argmax()) if full(space, point) else -1
+    greatest = int(point[: len(space.odds)].argmax()) if full(objective, point) else -1
     return [c for c in plain if c != greatest]
 
 

@@ -37,7 +37,7 @@ def conclude(
     em_alone = max(path.em_alone for path in paths)
     names = names_of(states)
     labels = labels_of(space, names)
-    filled = full(space, point)
+    filled = full(objective, point)
     monotone = all(_never_falls(path.values) for path in paths)
     kind, reasons = kind_of(
         degeneracies(objective, point, marks, names, labels),

@@ -16,7 +16,8 @@ BELOW_FULL = 1 - 1e-9
 LONGER = 1e-6
 STRETCH = 1.05
 NOTHING = 1e-4  # nats; a standard error of 3.5 on the logarithm of all three
-FULL = 1e-3
+FULL, LITTLE = 1e-3, 0.1
+SLIGHT = 0.1
 NEARLY = 100  # times its least odds: a probability below has vanished
 
 
@@ -25,9 +26,16 @@ def vanished(log_odds: float) -> bool:
     return log_odds < math.log(LEAST_ODDS * NEARLY)
 
 
-def full(space: Coordinates, point: Floats) -> bool:
-    """Whether mistake and the peaks sum to 1 at a point, but for FULL: the most that they can."""
-    return bool(1 - space.vector(point)[: 1 + space.states].sum() < FULL)
+def full(objective: Objective, point: Floats) -> bool:
+    """Whether mistake and the peaks sum to 1, the most that they can, or might as well.
+
+    Next to none is left, or less than LITTLE is, and none could be at a loss of no more than SLIGHT nats.
+    """
+    space = objective.space
+    left = 1 - float(space.vector(point)[: 1 + space.states].sum())
+    odds = np.arange(len(point)) < len(space.odds)
+    summed = np.clip(point + np.where(odds, 7.0, 0.0), space.least, space.most)
+    return left < FULL or (left < LITTLE and objective.value(summed) > objective.value(point) - SLIGHT)
 
 
 class Informed(NamedTuple):
@@ -188,7 +196,5 @@ def remarks_of(marks: Mapping[str, str], states: Sequence[str], filled: bool) ->
         if marks[f"{state}.peak"] == "ridge"
     ]
     if filled:
-        remarks.append(
-            "mistake and the peaks sum to 1, the most that they can: the data would take them further."
-        )
+        remarks.append("mistake and the peaks sum to 1, the most that they can, or might as well.")
     return tuple(remarks)

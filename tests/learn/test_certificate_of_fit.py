@@ -181,3 +181,14 @@ def test_a_time_that_nothing_near_it_changes_but_the_initial_one_would_goes_to_i
     fall = result.model.approvals["that_mov"].fall
     assert result.marks["that_mov.fall"] == ("no data" if fall == 6.0 else "at its bound")
     assert fall < 6.0
+
+
+@pytest.mark.verify
+@pytest.mark.parametrize("count", [2, 6, 22])
+def test_small_studies_of_plain_teachers_are_rarely_called_degenerate(count: int) -> None:
+    """What few trials leave open are kinks, ridges and bounds, which are remarks."""
+    kinds = [
+        fit(operator_trials(count, TRUTH, seed=100 + seed), WORLD, starts=3).certificate.kind
+        for seed in range(24)
+    ]
+    assert sum(kind in ("converged", "at a bound") for kind in kinds) >= 23
