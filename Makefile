@@ -8,7 +8,7 @@ READY := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint types layers check verify bench bench-planner bench-planner-peers bench-estep study-horizons study-recovery study-calibration study-structure clean
+.PHONY: help setup demo test lint types layers check verify bench bench-planner bench-planner-peers bench-estep study-horizons study-coverage study-recovery study-calibration study-structure clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):[^#]*## */\1\t/' | expand -t 21
@@ -60,6 +60,9 @@ bench-estep: $(READY)  ## the E-step against pomegranate and dynamax (in an envi
 
 study-horizons: $(READY)  ## does looking further help? hours, kept in horizons-results/; goes on where it stopped; ARGS="--minutes 60"
 	$(BIN)/python -m learn.horizons --out horizons-results $(ARGS)
+
+study-coverage: $(READY)  ## do 95% intervals hold the truth? half an hour, kept in notebooks/results/; goes on where it stopped
+	$(BIN)/python -m learn.coverage --out notebooks/results/coverage.csv $(ARGS)
 
 study-recovery: $(READY)  ## would a fit find the truth? half an hour, kept in recovery-results/; tables in notebooks/results
 	$(BIN)/python -m learn.recovery_study $(ARGS)
