@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, MultipleLocator, NullLocator
 
 from learn.plots import style_of, styled
+from learn.recovery import LOOP
 from learn.recovery_robots import INTUITIVE, TRUE, Row
 
 MARKS = "os^D"
@@ -18,7 +19,10 @@ LOWEST = -2.5  # nats per trial against the intuitive model: what is lower is no
 
 @styled
 def learning_curve(found: Sequence[Row]) -> Figure:
-    """What learning gains over the intuitive model on fresh trials, by trials learned from; `curve_rows`."""
+    """What learning gains over the intuitive model on fresh trials, by trials learned from; `curve_rows`.
+
+    A closed loop is drawn without its intervals.
+    """
     truths = list(dict.fromkeys(row["truth"] for row in found))
     figure = Figure(figsize=(max(5.4, 3.5 * len(truths) + 0.6), 3.9))
     panels = figure.subplots(1, len(truths), sharey=True, squeeze=False)[0]
@@ -35,12 +39,11 @@ def learning_curve(found: Sequence[Row]) -> Figure:
         ax.axhline(0, color="0.35", linewidth=1.0, label=None)
         ax.set_title(f"teachers: {truth}")
         ax.set_xscale("log")
-        _sizes_axis(
-            ax, sorted({row["size"] for row in _where(found, truth=truth) if row["source"] != "loop"})
-        )
+        _sizes_axis(ax, sorted({row["size"] for row in _where(found, truth=truth) if row["source"] != LOOP}))
         ax.set_ylim(lowest, highest)
     panels[0].set_ylabel("nats per trial above the intuitive model")
-    panels[-1].legend(loc="lower right", handlelength=2.4)
+    drawn = max((ax.get_legend_handles_labels() for ax in panels), key=lambda found: len(found[1]))
+    panels[-1].legend(*drawn, loc="lower right", handlelength=2.4)
     figure.suptitle("What learning gains on fresh trials. Simulated", fontsize=12, x=0.01, ha="left")
     return figure
 
@@ -54,7 +57,10 @@ def _curve(ax: Axes, rows: Sequence[Row], place: int, places: int) -> None:
     x = np.array([row["size"] for row in rows]) * shift
     gain, low, high = (np.array([row[name] for row in rows]) for name in ("gain", "gain_low", "gain_high"))
     style = {**style_of(place), "linewidth": 1.5, "marker": MARKS[place % 4], "markersize": 4.5, "capsize": 2}
-    ax.errorbar(x, gain, yerr=[gain - low, high - gain], elinewidth=0.9, label=rows[0]["source"], **style)
+    bars = (
+        None if rows[0]["source"] == LOOP else [gain - low, high - gain]
+    )  # of a loop, they are in the table
+    ax.errorbar(x, gain, yerr=bars, elinewidth=0.9, label=rows[0]["source"], **style)
 
 
 def _sizes_axis(ax: Axes, sizes: Sequence[int]) -> None:
@@ -72,7 +78,7 @@ def error_figure(found: Sequence[Row], truth: str) -> Figure:
     """
     rows = _where(found, truth=truth)
     names = list(dict.fromkeys(row["parameter"] for row in rows))
-    sources = list(dict.fromkeys(row["source"] for row in rows if row["source"] != "loop"))
+    sources = list(dict.fromkeys(row["source"] for row in rows if row["source"] != LOOP))
     sizes = sorted({row["size"] for row in rows if row["source"] in sources})
     columns = 3 if len(names) > 4 else len(names)
     order = [*names[1:], names[0]]
@@ -153,12 +159,13 @@ def robot_figure(found: Sequence[Row]) -> Figure:
         ax.set_xlabel("trials learned from")
     panels[0].set_title("Seconds to Final")
     panels[0].set_ylim(bottom=0)
-    panels[0].legend(title="teachers", loc="upper right")
     panels[1].set_title("Share of trials with the right Final")
     panels[2].set_title("Right when first 98% sure")
+    panels[2].legend(title="teachers", loc="lower right")
     panels[2].axhline(0.98, color="0.35", linewidth=0.9, linestyle=(0, (1, 1.5)))
     for ax in panels[1:]:
-        ax.set_ylim(top=1.005)
+        ax.set_ylim(min(0.895, ax.get_ylim()[0]), 1.005)
+        ax.yaxis.set_major_locator(MultipleLocator(0.05))
         ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0%}"))
     figure.suptitle("Learned models as robots. Simulated teachers", fontsize=12, x=0.01, ha="left")
     return figure

@@ -18,8 +18,11 @@ MEANING = """\
 Errors are learned minus true, on the logarithm of odds (mistake, peaks) and of seconds (rises, falls); 0.1
 is about a tenth of the value. RMSE is the root of their mean square over the studies. The gain of a learned
 model is its log-likelihood on fresh trials of the same teachers minus that of the intuitive model, in nats
-per trial; {fresh}. Intervals are 95% bootstrap intervals: they resample the
-studies and the fresh trials, or, for robots, the studies that were learned from, with their trials."""
+per trial;
+{fresh}.
+Intervals are 95% bootstrap intervals: they resample the studies and the fresh trials. For robots, they
+resample the studies that were learned from with their trials, or the trials alone, whichever is wider: few
+studies say little of how studies differ."""
 FRESH = {
     "both": "half of the fresh trials were moved by the scripted operator, half by the planner with"
     " the intuitive model",
@@ -59,6 +62,7 @@ def recovery_of(
     crossings = [
         {"truth": truth, "source": source, "from_trials": str(crossing(fits, truth, source))}
         for truth, source in dict.fromkeys((row["truth"], row["source"]) for row in curve)
+        if source != LOOP  # which begins with a whole batch
     ]
     dt = next(iter(truths.values())).dt
     robot = robot_rows(robots, dt, plan.threshold)
@@ -147,10 +151,11 @@ def _errors(found: Recovery, truth: str) -> str:
     for name in dict.fromkeys(row["parameter"] for row in rows):
         cells = [_error(at[name, size]) for size in sizes]
         lines.append([name, f"{at[name, sizes[0]]['true']:g}", *cells])
-    studies = ", ".join(f"{at['mistake', size]['studies']} of {size} trials" for size in sizes)
+    studies = ", ".join(f"{at['mistake', size]['studies']} of {size}" for size in sizes)
     about = (
-        f"Bias and RMSE over {studies}; moved by: {source}. After the semicolon: share of studies with the"
-        " parameter at its bound, where there are any. Others: the figure and its table."
+        f"Bias and RMSE over studies ({studies} trials); moved by: {source}. After the semicolon:"
+        " share of studies with the parameter at its bound, where there are any. All others are in the figure"
+        " and its table."
     )
     return "\n\n".join(
         [

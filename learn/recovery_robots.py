@@ -1,7 +1,7 @@
 """Robots with models learned from simulated studies, against the intuitive and the true model."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -133,10 +133,7 @@ def _drives(truth: str, fits: Sequence[Row], plan: RobotPlan) -> list[_Drive]:
 
 
 def loop_of(rows: Sequence[Row], truth: str, arm: str, dt: float) -> ClosedLoop:
-    """One arm beside the intuitive and the true model; the trials of one learned model are one group.
-
-    So intervals hold both the luck of the trials and that of the study that was learned from.
-    """
+    """One arm beside the intuitive and the true model; the trials of one learned model are one group."""
     arms = dict.fromkeys((INTUITIVE, TRUE, arm))
     of_arm = {
         name: {row["trial"]: row for row in rows if (row["truth"], row["arm"]) == (truth, name)}
@@ -160,21 +157,39 @@ def robot_rows(rows: Sequence[Row], dt: float, threshold: float) -> list[dict[st
 
     `time_ratio` and `correct_gain` are against the intuitive model, `time_to_true` is time over that of the
     robot that knows the true model, trial by trial. Of the trials whose belief passed `threshold`, `said`
-    is the mean probability then said, `right` the share in which it was so.
+    is the mean probability then said, `right` the share in which it was so. Intervals resample the studies
+    that were learned from, with their trials, or the trials alone, whichever is the wider: a few studies say
+    little of how studies differ.
     """
     found = []
     for truth, arm in dict.fromkeys((row["truth"], row["arm"]) for row in rows):
-        loop = loop_of(rows, truth, arm, dt)
+        of_studies = loop_of(rows, truth, arm, dt)
         models = {row["study"] for row in rows if (row["truth"], row["arm"]) == (truth, arm)}
-        told = calibration(loop.outcomes[arm], loop.groups, threshold)
-        flat: dict[str, Any] = {"truth": truth, "arm": arm, "models": len(models), "trials": loop.trials}
-        for what in ("time", "correct", "timeout", "presses"):
-            flat |= _spread(what, loop.mean(arm, what))
-        flat |= _spread("time_ratio", loop.time_ratio(arm, INTUITIVE))
-        flat |= _spread("time_to_true", loop.time_ratio(arm, TRUE))
-        flat |= _spread("correct_gain", loop.difference(arm, INTUITIVE, "correct"))
-        found.append(flat | {"passed": told.sure, "said": told.said} | _spread("right", told.right))
+        flat: dict[str, Any] = {
+            "truth": truth,
+            "arm": arm,
+            "models": len(models),
+            "trials": of_studies.trials,
+        }
+        told = calibration(of_studies.outcomes[arm], None, threshold)
+        flat |= {"passed": told.sure, "said": told.said}
+        loops = of_studies, replace(of_studies, groups=tuple(range(of_studies.trials)))
+        both = [_intervals(loop, arm, threshold) for loop in loops]
+        for name in both[0]:
+            wider = max((intervals[name] for intervals in both), key=lambda one: one.high - one.low)
+            flat |= _spread(name, wider)
+        found.append(flat)
     return found
+
+
+def _intervals(loop: ClosedLoop, arm: str, threshold: float) -> dict[str, Interval]:
+    means = {what: loop.mean(arm, what) for what in ("time", "correct", "timeout", "presses")}
+    return means | {
+        "time_ratio": loop.time_ratio(arm, INTUITIVE),
+        "time_to_true": loop.time_ratio(arm, TRUE),
+        "correct_gain": loop.difference(arm, INTUITIVE, "correct"),
+        "right": calibration(loop.outcomes[arm], loop.groups, threshold).right,
+    }
 
 
 def _spread(name: str, interval: Interval) -> dict[str, float]:

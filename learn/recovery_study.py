@@ -34,7 +34,7 @@ TABLES = ("parameters", "curve", "crossings", "robots")
 
 @dataclass(frozen=True)
 class Part:
-    """Some teachers, what is done with them, and trials of each robot."""
+    """Some teachers, what is done with them, and how many trials of each robot."""
 
     name: str
     truths: tuple[str, ...]
@@ -50,7 +50,9 @@ class Part:
         """Go on with this part to its end, and sum it up."""
         world, truths = BallWorld(), {name: TRUTHS[name] for name in self.truths}
         fits = recover(rows / self.name, world, truths, self.plan, jobs=jobs, stage=_told)
-        robots = run_robots(rows / self.name, world, truths, fits, self.robots, jobs=jobs, stage=_told)
+        robots = []
+        if self.robot_trials:
+            robots = run_robots(rows / self.name, world, truths, fits, self.robots, jobs=jobs, stage=_told)
         return recovery_of(fits, robots, truths, self.plan)
 
 
@@ -58,8 +60,14 @@ PARTS = (
     Part(
         "prompt",
         ("prompt",),
-        Plan(sizes=(2, 4, 8, 22, 44, 200, 1000), repeats=20, pool=1000, loops=5, options=OPTIONS),
+        Plan(sizes=(2, 4, 8, 22, 44, 200), repeats=20, pool=1000, loops=3, options=OPTIONS),
         robot_trials=200,
+    ),
+    Part(
+        "thousand",
+        ("prompt",),
+        Plan(sizes=(1000,), sources=("operator",), repeats=1, pool=1000, options=OPTIONS),
+        robot_trials=0,
     ),
     Part(
         "others",
@@ -79,7 +87,8 @@ def write_tables(found: Sequence[Recovery], parts: Sequence[Part], out: Path) ->
     """The tables of all parts together, numbers to four digits, and how they were made."""
     out.mkdir(parents=True, exist_ok=True)
     for table in TABLES:
-        rows = [_short(row) for one in found for row in getattr(one, table)]
+        of_parts = [getattr(one, table) for one in found if table != "crossings" or len(one.plan.sizes) > 1]
+        rows = [_short(row) for of_part in of_parts for row in of_part]
         (out / f"recovery-{table}.csv").write_text(csv_text(rows), encoding="utf-8")
     made = {
         "made_by": "python -m learn.recovery_study",

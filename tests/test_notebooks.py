@@ -72,6 +72,92 @@ assert all(value < 0 for value in alone[1:5]) and alone[5] > 0
 assert all(float(row["low"]) < 0 < float(row["high"]) for row in alike if row["arm"] == "population")
 assert all(float(row["low"]) < 0 for row in shipped)
 """
+SENTENCES["uncertainty"] = """
+assert result.converged and len(learned) == 10
+assert sum(result.marks[name] != "" for name in learned) == 4
+wald, profile = found["wald"], found["likelihood"]
+for name in ("mistake", "that_mov.peak", "that_wrt.peak", "that_dist.peak"):
+    assert 1.2 < profile[name].high / profile[name].estimate < 1.5
+    assert abs(profile[name].high / wald[name].high - 1) < 0.1
+rise = profile["that_mov.rise"]
+assert rise.high > rise.estimate + 1.96 * rise.standard_error + 0.1
+assert all(interval_text(profile[name])[0] in "<>" for name in learned if name.endswith("fall"))
+assert profile.above < 0.01 and profile.teachers == 22
+"""
+
+SENTENCES["recovery"] = """
+well_known = [row for row in live if row["parameter"].endswith(("peak", "mistake"))]
+assert all(abs(float(v) / row["true"] - 1) < 0.7 for row in well_known
+           for v in learned(44, row["parameter"]).split(", "))
+assert sum(learned(44, name).split(", ").count("0.5") for name in parameters if name.endswith(".fall")) >= 2
+
+peaks = [name for name in parameters if name.endswith(("peak", "mistake"))]
+rises, falls = ([name for name in parameters if name.endswith(what)] for what in (".rise", ".fall"))
+errors = {(size, name): at["prompt", "both", size, name] for size in (22, 44, 200) for name in parameters}
+assert all(abs(errors[44, name]["bias"]) < 0.15 for name in peaks + rises)
+assert all(errors[22, name]["bias"] > 0.1 for name in peaks[1:])
+assert all(errors[200, name]["rmse"] < 0.1 for name in peaks)
+assert all(errors[200, name]["rmse"] <= 0.15 for name in rises)
+assert all(0.25 <= errors[44, name]["at_bound"] <= 0.5 for name in falls)
+assert (errors[200, "that_mov.fall"]["studies"], errors[200, "that_mov.fall"]["at_bound"]) == (5, 0.4)
+counted = {(row["truth"], row["source"], row["size"]): row["studies"] for row in kept["curve"]}
+assert all(counted["prompt", "both", size] == 20 for size in (2, 4, 8, 22, 44))
+assert counted["prompt", "both", 200] == 5 and counted["prompt", "operator", 1000] == 1
+assert all(counted[truth, "both", 44] == 10 for truth in ("hesitant", "intuitive"))
+assert all(counted[truth, "both", 200] == 3 for truth in ("hesitant", "intuitive"))
+
+curve = {(row["truth"], row["source"], row["size"]): row for row in kept["curve"]}
+pays = {(row["truth"], row["source"]): row["from_trials"] for row in kept["crossings"]}
+assert pays["prompt", "both"].startswith("2 (") and pays["hesitant", "both"].startswith("6 (")
+assert pays["intuitive", "both"].startswith("> 200")
+assert all(curve["prompt", source, 44]["gain"] > 0.9 * curve["prompt", source, 44]["possible"]
+           for source in ("operator", "planner", "both"))
+assert -0.25 < curve["intuitive", "both", 44]["gain"] < -0.15
+assert all(0.9 < row["short"] * row["size"] / 5 < 2.1 for row in kept["curve"]
+           if row["source"] != "loop" and row["size"] in (44, 200))
+
+presses = {source: at["prompt", source, 200, "that_dist.fall"]["presses"] for source in sources}
+assert presses["planner"] < 0.015 and 0.05 < presses["operator"] < 0.07 and 0.08 < presses["loop"] < 0.1
+rmse = {source: at["prompt", source, 200, "that_dist.fall"]["rmse"] for source in sources}
+assert rmse["planner"] > 3.5 * rmse["operator"]
+assert min(at["prompt", source, 200, "that_mov.fall"]["rmse"] for source in sources) > 0.3
+assert max(sources, key=lambda source: at["prompt", source, 200, "that_mov.fall"]["rmse"]) == "loop"
+assert at["prompt", "loop", 200, "mistake"]["presses"] < at["prompt", "operator", 200, "mistake"]["presses"]
+assert [counted["prompt", source, 200] for source in sources] == [5, 5, 3]
+
+robots = {(row["truth"], row["arm"]): row for row in kept["robots"]}
+for size in (22, 44, 200):
+    row = robots["prompt", f"learned from {size}"]
+    assert row["time_to_true_low"] < 1 < row["time_to_true_high"] and 0.45 < row["time_ratio"] < 0.55
+    assert row["correct"] > robots["prompt", "intuitive"]["correct"]
+    assert robots["hesitant", f"learned from {size}"]["time_ratio_low"] > 1
+    others = [robots[truth, f"learned from {size}"] for truth in ("hesitant", "intuitive")]
+    assert all(row["time_to_true_low"] < 1 < row["time_to_true_high"] for row in others)
+assert robots["hesitant", "intuitive"]["right"] < 0.9
+few = robots["prompt", "learned from 4"]
+assert few["correct_gain_high"] < 0 and 1 / 8 < 1 - few["correct"] < 1 / 6 and few["said"] > 0.98
+assert curve["prompt", "both", 4]["gain_low"] > 0
+"""
+
+
+SENTENCES["structure"] = """
+named = {answer.factor: answer for answer in found.answers}
+assert found.settled and found.chosen.structure.value("cue of that_wrt") == "wrt_lit"
+assert all(named[factor].told for factor in named if factor not in ("delay",))
+assert named["delay"].named[0] == "none" and named["delay"].weights["shared"] > 0.5
+old = next(row for row in rows if row["beside_initial"] == "the same")
+assert old["held_out"] < -20 and found.fitted.certificate.trusted
+
+told = {(row["difference"], row["trials"]): row for row in difference_rows(kept)}
+assert all(row["denied"] <= 1 for row in told.values())
+assert all(told["cue", size]["told"] == told["cue", size]["studies"] for size in (44, 200, 500))
+assert all(told[what, 500]["told"] == told[what, 500]["studies"] for what in ("rest", "delay", "decay"))
+assert told["delay", 44]["told"] < told["delay", 44]["studies"] / 2
+claimed = {(row["factor"], row["trials"]): row for row in claim_rows(kept)}
+assert all(row["holds_high"] >= 0.9 for row in claimed.values())
+assert all(claimed["cue", size]["holds_share"] == 1 for size in (22, 44, 200, 500))
+assert all(claimed[what, 22]["told_share"] < 0.6 for what in ("rest", "delay", "decay"))
+"""
 
 
 NAMES = sorted(path.stem for path in NOTEBOOKS.glob("*.ipynb"))

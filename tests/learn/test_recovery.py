@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +19,14 @@ from learn.recovery import HELD_OUT, Plan, Study, recover
 from learn.recovery_figure import WIDEST, error_figure, learning_curve, robot_figure
 from learn.recovery_report import Recovery, recovery_of, report, robot_plan
 from learn.recovery_robots import RobotPlan, learned, loop_of, robot_rows, run_robots
+from learn.recovery_study import PARTS, TABLES, Part, read_tables, write_tables
 from learn.recovery_summary import Crossing, cells, crossing, curve_rows, parameter_rows, scaled
 from learn.teaching import TRUTHS, Teaching, intuitive_for
 from taskcomm.cli import BAD_DATA, DONE, FAILED, USAGE, main
 from taskcomm.teacher import TableTop, TeacherModel
 from taskcomm.world import BallWorld
 
+RESULTS = Path(__file__).parents[2] / "notebooks" / "results"
 WORLD = BallWorld(2, 1)
 TRUTH = TRUTHS["prompt"]
 PLAN = Plan(
@@ -296,6 +299,22 @@ def test_robots_are_those_of_the_closed_loop_and_studies_take_turns(
     }  # fmt: skip
 
 
+def test_intervals_of_robots_are_the_wider_of_studies_and_trials() -> None:
+    def row(trial: int, arm: str, study: int, correct: bool) -> dict[str, Any]:
+        about = {"truth": "made", "arm": arm, "trial": trial, "study": study, "steps": 10 + trial % 2}
+        ended = {"correct": correct, "timeout": False, "presses": 1}
+        return about | ended | {"highest": [0.5, 0.99], "right": "01" if correct else "00"}
+
+    alike = [row(n, learned(3), n % 4, n >= 4) for n in range(40)]  # every study: nine of ten right
+    apart = [row(n, learned(6), n % 4, n % 4 > 0) for n in range(40)]  # one study of four all wrong
+    known = [row(n, arm, -1, True) for arm in ("intuitive", "true") for n in range(40)]
+    told = {one["arm"]: one for one in robot_rows([*known, *alike, *apart], 0.5, 0.98)}
+    by_trial = ratio_interval(np.arange(40) >= 4, np.ones(40))
+    assert told[learned(3)]["correct_low"] == by_trial.low < 0.9
+    assert told[learned(6)]["correct_low"] == told[learned(6)]["right_low"] < 0.5
+    assert told["true"]["right"] == 1.0
+
+
 def test_more_trials_of_robots_begin_with_the_same_ones(
     folder: Path, rows: list[dict[str, Any]], robots: list[dict[str, Any]]
 ) -> None:
@@ -310,7 +329,8 @@ def test_the_report_says_that_it_is_simulated_and_shows_every_part(found: Recove
     assert "All of this is simulated" in told
     for part in ("When learning pays", "teachers prompt", "starve", "Learned models as robots"):
         assert part in told
-    assert "| prompt | loop |" in told
+    assert "RMSE: loop" in told
+    assert {row["source"] for row in found.crossings} == {"operator", "planner", "both"}
     assert json.loads(json.dumps(found.to_json(), allow_nan=False))["crossings"]
     assert robot_plan(PLAN, 5) == ROBOTS
 
@@ -340,6 +360,40 @@ def test_cells_are_the_fits_without_the_references(rows: list[dict[str, Any]]) -
     assert counted == {(s, n): 2 for s in ("operator", "planner", "both") for n in (3, 6)} | {
         ("loop", 3): 1, ("loop", 6): 1
     }  # fmt: skip
+
+
+def test_kept_tables_are_read_as_they_were_written(found: Recovery, tmp_path: Path) -> None:
+    part = Part("prompt", ("prompt",), PLAN, robot_trials=5)
+    write_tables([found, found], [part, part], tmp_path)
+    read = read_tables(tmp_path)
+    for table in TABLES:
+        written = getattr(found, table)
+        assert len(read[table]) == 2 * len(written)
+        for ours, theirs in zip(read[table], [*written, *written], strict=True):
+            for key, value in theirs.items():
+                number = isinstance(value, float)
+                assert ours[key] == (pytest.approx(value, rel=1e-3, nan_ok=True) if number else value)
+            assert list(ours) == list(theirs)
+    made = json.loads((tmp_path / "recovery.json").read_text(encoding="utf-8"))
+    assert made["simulated"] is True
+    assert made["parts"][0]["plan"]["seed"] == PLAN.seed
+
+
+def test_the_kept_study_is_that_of_the_code() -> None:
+    made = json.loads((RESULTS / "recovery.json").read_text(encoding="utf-8"))
+    plans = [json.loads(json.dumps(asdict(part.plan))) for part in PARTS]
+    assert [part["plan"] for part in made["parts"]] == plans
+    kept = read_tables(RESULTS)
+    assert {row["truth"] for row in kept["curve"]} == {"prompt", "hesitant", "intuitive"}
+    for part in PARTS:
+        of_part = {
+            (truth, source, size)
+            for truth in part.truths
+            for source in part.plan.sources
+            for size in part.plan.sizes
+        }
+        assert of_part <= {(row["truth"], row["source"], row["size"]) for row in kept["curve"]}
+    assert {row["size"] for row in kept["curve"] if row["source"] == "loop"} == set(PARTS[0].plan.rounds)
 
 
 QUICK = ["--sizes", "2", "3", "--repeats", "1", "--held-out", "2", "--balls", "2", "--distances", "1"]
