@@ -171,7 +171,7 @@ def robot_rows(rows: Sequence[Row], dt: float, threshold: float) -> list[dict[st
             "models": len(models),
             "trials": of_studies.trials,
         }
-        told = calibration(of_studies.outcomes[arm], None, threshold)
+        told = calibration(of_studies.outcomes[arm], None, threshold, ended_at=threshold)
         flat |= {"passed": told.sure, "said": told.said}
         loops = of_studies, replace(of_studies, groups=tuple(range(of_studies.trials)))
         both = [_intervals(loop, arm, threshold) for loop in loops]
@@ -188,7 +188,7 @@ def _intervals(loop: ClosedLoop, arm: str, threshold: float) -> dict[str, Interv
         "time_ratio": loop.time_ratio(arm, INTUITIVE),
         "time_to_true": loop.time_ratio(arm, TRUE),
         "correct_gain": loop.difference(arm, INTUITIVE, "correct"),
-        "right": calibration(loop.outcomes[arm], loop.groups, threshold).right,
+        "right": calibration(loop.outcomes[arm], loop.groups, threshold, ended_at=threshold).right,
     }
 
 
