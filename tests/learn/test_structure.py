@@ -99,7 +99,7 @@ def test_beginnings_leave_what_two_structures_share_and_begin_at_the_other_fit()
 
 
 @pytest.mark.verify
-def test_a_quick_fit_loses_less_than_two_nats() -> None:
+def test_a_quick_fit_loses_less_than_half_a_nat() -> None:
     at = bench()
     near = INTUITIVE
     for structure in (PLAIN.with_value(CUE, "wrt_lit"), PLAIN.with_value("delay", "shared")):
@@ -107,7 +107,7 @@ def test_a_quick_fit_loses_less_than_two_nats() -> None:
         thorough = fit(
             at.trials, WORLD, structure.imposed_on(INTUITIVE), settings=structure.settings(at.settings)
         )
-        assert -2 < quick.log_likelihood - thorough.log_likelihood < 0.01
+        assert -0.5 < quick.log_likelihood - thorough.log_likelihood < 0.01
         assert quick.num_free == thorough.num_free
         near = quick.model
 
