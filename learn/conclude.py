@@ -2,8 +2,9 @@
 
 import math
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from learn.basins import endings, labels_of
 from learn.certificate import Certificate, degeneracies, kind_of, remarked, steepest_along
 from learn.coordinates import model_at, names_of, parameters_at
 from learn.mstep import Objective
-from learn.optimum import TOLERANCE, one_sided_slopes
+from learn.optimum import TOLERANCE, Slopes, one_sided_slopes
 from learn.path import Path
 from learn.result import FitResult, Start
 from learn.settings import Settings
@@ -27,17 +28,62 @@ def conclude(
     exposure = objective.evidence.exposure
     space, path, states = objective.space, paths[best], list(initial.approvals)
     point = settle(objective, path.point)
-    vector = space.vector(point)
+    vector, names = space.vector(point), names_of(states)
     slopes = one_sided_slopes(objective.value, space, point)
     expectation = objective.expect(point)
     seen = informed(objective, vector, expectation)
     responsibilities = _responsibilities(objective, vector)
     marks = marks_of(space, point, slopes, seen, ridges(objective, point), states)
-    value = expectation.value + objective.log_prior(vector)
+    certificate = _certified(objective, paths, best, point, slopes, marks, names, expectation.value)
+    model = model_at(vector, initial)
+    if objective.observing is not None:
+        model = replace(model, observation=objective.observing.observation)
+    result = FitResult(
+        model=model,
+        initial=initial,
+        log_likelihood=expectation.value,
+        objective=certificate.objective,
+        converged=certificate.trusted,
+        status=certificate.status,
+        iterations=path.iterations,
+        paths=tuple(np.array(path.values) for path in paths),
+        starts=tuple(
+            Start(p.name, p.values[0], p.em_alone, p.iterations, p.converged, p.searched) for p in paths
+        ),
+        best_start=best,
+        em_alone=certificate.em_alone,
+        search_gain=certificate.search_gain,
+        steepest=slopes.steepest,
+        monotone=certificate.monotone,
+        trial_ids=exposure.trial_ids,
+        trial_hashes=exposure.hashes,
+        log_likelihoods=expectation.log_likelihood,
+        responsibilities=responsibilities,
+        steps=dict(zip(names, map(float, seen.steps), strict=True)),
+        presses=dict(zip(names, map(float, seen.presses), strict=True)),
+        marks=marks,
+        remarks=remarks_of(marks, states, full(objective, point)),
+        free=space.free.copy(),
+        num_free=len(space.index) + (0 if objective.observing is None else objective.observing.num_free),
+        settings=settings,
+        certificate=certificate,
+    )
+    return replace(result, model=replace(model, provenance=_provenance(result)))
+
+
+def _certified(
+    objective: Objective,
+    paths: Sequence[Path],
+    best: int,
+    point: Floats,
+    slopes: Slopes,
+    marks: Mapping[str, str],
+    names: Sequence[str],
+    log_likelihood: float,
+) -> Certificate:
+    space, path, filled = objective.space, paths[best], full(objective, point)
+    labels, value = labels_of(space, names), log_likelihood + objective.log_prior(space.vector(point))
     em_alone = max(path.em_alone for path in paths)
-    names = names_of(states)
-    labels = labels_of(space, names)
-    filled = full(objective, point)
     monotone = all(_never_falls(path.values) for path in paths)
     kind, reasons = kind_of(
         degeneracies(objective, point, marks, names, labels),
@@ -48,10 +94,10 @@ def conclude(
         filled or "at its bound" in marks.values(),
     )
     ended = endings(objective, paths, point, labels)
-    certificate = Certificate(
+    return Certificate(
         kind=kind,
         reasons=reasons,
-        log_likelihood=expectation.value,
+        log_likelihood=log_likelihood,
         objective=value,
         iterations=path.iterations,
         endings=ended,
@@ -64,56 +110,25 @@ def conclude(
         tolerance=TOLERANCE,
         **remarked(marks, filled),
     )
-    model = model_at(vector, initial)
-    if objective.observing is not None:
-        model = replace(model, observation=objective.observing.observation)
-    provenance = {
+
+
+def _provenance(result: FitResult) -> dict[str, Any]:
+    """Where the model came from and how far it may be trusted, for its file."""
+    conversion = result.initial.provenance.get("conversion")
+    return {
         "made_by": "learn.fit",
         "versions": _versions(),
-        "settings": settings.to_dict(),
-        "initial_sha256": initial.sha256,
-        **(
-            {"initial_conversion": conversion} if (conversion := initial.provenance.get("conversion")) else {}
-        ),
-        "trials": len(exposure.hashes),
-        "trial_sha256": sorted(exposure.hashes),
-        "log_likelihood": expectation.value,
-        "converged": certificate.trusted,
-        "status": certificate.status,
-        "certificate": certificate.to_dict(),
+        "settings": result.settings.to_dict(),
+        "initial_sha256": result.initial.sha256,
+        **({"initial_conversion": conversion} if conversion else {}),
+        "trials": len(result.trial_hashes),
+        "trial_sha256": sorted(result.trial_hashes),
+        "log_likelihood": result.log_likelihood,
+        "converged": result.converged,
+        "status": result.status,
+        "certificate": result.certificate.to_dict(),
+        "audit": result.audit_to_dict(),
     }
-    result = FitResult(
-        model=model,
-        initial=initial,
-        log_likelihood=expectation.value,
-        objective=value,
-        converged=certificate.trusted,
-        status=certificate.status,
-        iterations=path.iterations,
-        paths=tuple(np.array(path.values) for path in paths),
-        starts=tuple(
-            Start(p.name, p.values[0], p.em_alone, p.iterations, p.converged, p.searched) for p in paths
-        ),
-        best_start=best,
-        em_alone=em_alone,
-        search_gain=value - em_alone,
-        steepest=slopes.steepest,
-        monotone=monotone,
-        trial_ids=exposure.trial_ids,
-        trial_hashes=exposure.hashes,
-        log_likelihoods=expectation.log_likelihood,
-        responsibilities=responsibilities,
-        steps=dict(zip(names, map(float, seen.steps), strict=True)),
-        presses=dict(zip(names, map(float, seen.presses), strict=True)),
-        marks=marks,
-        remarks=remarks_of(marks, states, filled),
-        free=space.free.copy(),
-        num_free=len(space.index) + (0 if objective.observing is None else objective.observing.num_free),
-        settings=settings,
-        certificate=certificate,
-    )
-    provenance |= {"audit": result.audit_to_dict()}
-    return replace(result, model=replace(model, provenance=provenance))
 
 
 def _never_falls(values: Sequence[float]) -> bool:
