@@ -95,7 +95,7 @@ def share(hits: Sequence[bool]) -> dict[str, Any]:
 
 
 def claim_rows(rows: Iterable[Row]) -> list[dict[str, Any]]:
-    """By size and kind of factor: shares of what holds the truth, of what is told, and of that, what is right.
+    """By size and kind of factor: shares of what holds the truth, what is told, and, of that, what is right.
 
     The truth DIFFER is left out: the claims are of teachers who are alike.
     """
