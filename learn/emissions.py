@@ -46,10 +46,15 @@ def normal(values: Floats, weight: Floats, overall: float) -> tuple[float, float
     if total < 1e-6:
         return None
     torch, _, Normal = _pomegranate()
-    distribution = Normal(covariance_type="diag", check_data=False)
-    distribution.summarize(torch.tensor(values)[:, None], sample_weight=torch.tensor(weight)[:, None])
+    at_first = torch.zeros(1, dtype=torch.float64), torch.ones(1, dtype=torch.float64)
+    distribution = Normal(*at_first, covariance_type="diag", check_data=False)
+    # Seen from the heaviest of them: squares of numbers far from 0 could leave a variance below 0.
+    origin = values[weight.argmax()]
+    distribution.summarize(
+        torch.tensor(values - origin)[:, None], sample_weight=torch.tensor(weight)[:, None]
+    )
     distribution.from_summaries()
-    mean = float(distribution.means[0])
+    mean = float(origin) + float(distribution.means[0])
     spread = max(0.0, float(distribution.covs[0]))
     variance = (total * spread + PSEUDO_SPREAD * overall**2) / (total + PSEUDO_SPREAD)
     return mean, float(np.sqrt(variance))

@@ -32,7 +32,7 @@ def with_channels(
 ) -> TeacherModel:
     """`model` ready for what is to be `learned`: channels that it lacks added, zeros opened.
 
-    Raises FitError for a channel that no trial has a signal of.
+    Raises FitError for a channel that no trial has a signal of, or signals of two kinds.
     """
     seen, states = model.observation, model.mental_states
     channels = dict(seen.channels)
@@ -44,6 +44,8 @@ def with_channels(
             signals = [value for trial in trials for value in trial.signals(name) if value is not None]
             if not signals:
                 raise FitError(f"observe: no trial has a signal {name!r}, and the model has no such channel")
+            if len({isinstance(value, str) for value in signals}) > 1:
+                raise FitError(f"observe: signals of {name!r} are words in some steps, numbers in others")
             channels[name] = emissions.first_guess(signals, states, told(world.tasks[0]) if told else None)
         channels[name] = emissions.opened(channels[name])
     start = {name: getattr(seen, name) or START[name] for name in KEY if name in learned}
@@ -114,8 +116,7 @@ class Observing:
         for name, channel in self.observation.continuous.items():
             each = [np.array([math.nan if x is None else float(x) for x in t.signals(name)]) for t in trials]
             values = np.concatenate([each[trial] for trial in order])
-            rows, overall = np.flatnonzero(~np.isnan(values)), float(np.nanstd(values)) or 1.0
-            roles = None
+            rows, roles = np.flatnonzero(~np.isnan(values)), None
             if channel.target is not None:
                 named = [dict(self._patterns[code][1]).get(channel.target) for code in self._pattern[rows]]
                 if None in named:
@@ -126,6 +127,11 @@ class Observing:
                 roles = np.array(
                     [by_task[task][str(value)] for task, value in zip(self._task[rows], named, strict=True)]
                 )
+                measured = np.isin(
+                    roles, channel.roles
+                )  # as for the belief, numbers about others say nothing
+                rows, roles = rows[measured], roles[measured]
+            overall = (float(values[rows].std()) if len(rows) else 0.0) or 1.0
             result[name] = _Numbers(rows, values[rows], roles, overall)
         return result
 
@@ -224,11 +230,18 @@ class Observing:
         there = np.array([value is not None for value in values])[self._pattern]
         rows = np.flatnonzero(there)
         seen = [str(values[code]) for code in self._pattern[rows]]
-        names = list(channel.values if isinstance(channel, PlainChannel) else channel.roles)
+        names, missing = list(channel.values if isinstance(channel, PlainChannel) else channel.roles), []
         if isinstance(channel, TargetChannel):
             roles = self._roles()
             seen = [roles[task][value] for task, value in zip(self._task[rows], seen, strict=True)]
-        table = {state: emissions.categorical(names, seen, weight[rows, k]) for k, state in enumerate(states)}
+            there_is = {role for by_value in roles for role in by_value.values()}
+            missing = [role for role in names if role not in there_is]  # nothing bears on them: they stay
+        table = {}
+        for k, state in enumerate(states):
+            row = {role: channel.table[state][role] for role in missing}
+            left = 1.0 - sum(row.values())
+            found = emissions.categorical([name for name in names if name not in row], seen, weight[rows, k])
+            table[state] = row | {name: left * p for name, p in found.items()}
         return type(channel)(table)
 
     def _normal(self, channel: NormalChannel, numbers: _Numbers, weight: Floats) -> NormalChannel:

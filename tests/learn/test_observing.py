@@ -11,7 +11,7 @@ from taught import WORLD, operator_trials, teacher
 from learn import FitError, fit, log_likelihood
 from learn.coordinates import Bounds
 from learn.em import prepare
-from learn.emissions import categorical, normal
+from learn.emissions import categorical, normal, opened
 from learn.mstep import Objective
 from learn.settings import Settings
 from taskcomm.channels import NormalChannel, ObservationModel, PlainChannel, TargetChannel
@@ -19,6 +19,7 @@ from taskcomm.operators import ScriptedOperator
 from taskcomm.simulate import SimulatedTeacher, run_trial
 from taskcomm.teacher import TeacherModel
 from taskcomm.trials import Trial
+from taskcomm.world import BallWorld
 
 TRUTH = teacher()
 STATES = TRUTH.mental_states
@@ -127,6 +128,26 @@ def test_no_step_of_em_lowers_the_objective() -> None:
     assert values[-1] > values[0] + 1
 
 
+def test_no_step_lowers_the_objective_where_nothing_in_the_world_has_some_role() -> None:
+    world = BallWorld(num_balls=2, num_distances=2)
+    model = seeing(channels={"gaze": GAZE})
+    trials = []
+    for number, rng in enumerate(np.random.default_rng(0).spawn(6)):
+        simulated = SimulatedTeacher(world, model, world.tasks[number % 4])
+        trials.append(run_trial(ScriptedOperator(world), simulated, rng, trial_id=f"t{number}"))
+    objective = prepare(trials, world, model, Settings(observe=("gaze",), bounds=SHORT))
+    assert objective.observing is not None
+    point, values = objective.space.point(objective.space.base), []
+    for _ in range(20):
+        expectation = objective.expect(point)
+        values.append(expectation.value + objective.log_prior(objective.space.vector(point)))
+        objective.observing.learn(expectation)
+    assert (np.diff(values) > -1e-10 * abs(values[-1])).all()
+    learned = objective.observing.observation.channels["gaze"]
+    assert isinstance(learned, TargetChannel)
+    assert learned.table["that_mov"]["other"] == pytest.approx(LOOK["that_mov"][2], rel=0.02)  # opened
+
+
 def test_responsibilities_of_all_steps_sum_to_their_number() -> None:
     objective = _objective(("gaze", "miss"))
     assert objective.observing is not None
@@ -149,3 +170,51 @@ def test_a_signal_that_nobody_recorded_is_one_error() -> None:
         fit(operator_trials(2, TRUTH), WORLD, observe=["smell"])
     with pytest.raises(FitError, match="observe: must be a list of names"):
         fit(operator_trials(2, TRUTH), WORLD, observe="gaze")
+
+
+def test_numbers_about_what_is_not_measured_say_nothing() -> None:
+    measured = {state: dict.fromkeys(ROLES[:3], 1.0) for state in STATES}
+    angle = NormalChannel(measured, measured, target="gaze")
+    model = seeing(channels={"gaze": GAZE, "angle": angle})
+
+    def with_angles(trial: Trial, always: bool) -> Trial:
+        steps = []
+        for t, step in enumerate(trial.steps[:30]):
+            gaze = (step.signals or {})["gaze"]
+            about = {"angle": 0.1 * t} if always or gaze != "none" else {}
+            steps.append(replace(step, signals={"gaze": gaze, **about}))
+        return replace(trial, steps=tuple(steps))
+
+    settings = Settings(observe=("gaze", "angle"), bounds=SHORT)
+    ends = []
+    for always in (True, False):
+        trials = [with_angles(trial, always) for trial in watched(4)]
+        objective = prepare(trials, WORLD, model, settings)
+        assert objective.observing is not None
+        expectation = objective.expect(objective.space.point(objective.space.base))
+        assert expectation.value == pytest.approx(log_likelihood(trials, WORLD, _opened(model)), rel=1e-10)
+        objective.observing.learn(expectation)
+        ends.append(objective.observing.observation.to_dict())
+    assert ends[0] == ends[1]
+
+
+def _opened(model: TeacherModel) -> TeacherModel:
+    seen = model.observation
+    return replace(
+        model, observation=replace(seen, channels={n: opened(c) for n, c in seen.channels.items()})
+    )
+
+
+def test_the_variance_of_one_number_far_from_zero_is_none() -> None:
+    for value in np.random.default_rng(0).normal(0, 1e6, 50):
+        found = normal(np.array([value, value]), np.array([0.3, 1e-3]), 2.0)
+        assert found == pytest.approx((value, 2.0 / np.sqrt(1.301)), rel=1e-12)
+
+
+def test_signals_of_two_kinds_are_one_error() -> None:
+    trial = watched(4)[0]
+    mixed = (replace(trial.steps[0], signals={"gaze": 1.5}), *trial.steps[1:])
+    with pytest.raises(
+        FitError, match="observe: signals of 'gaze' are words in some steps, numbers in others"
+    ):
+        fit([replace(trial, steps=mixed)], WORLD, observe=["gaze"])
