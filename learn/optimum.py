@@ -20,6 +20,7 @@ TOLERANCE = 0.01
 REACH = 1e-6
 COARSE = 1e-4
 FAN = 32
+NEAR, MOST, APART = 10.0, 6, 0.5
 Value = Callable[[Floats], float]
 
 
@@ -156,32 +157,52 @@ def breakpoints(space: Coordinates, coordinate: int) -> Floats:
 
 
 def across_breakpoints(objective: Objective, point: Floats, value: float) -> tuple[Floats, float]:
-    """The best point found by moving one rise, fall or delay, or one (rise, fall) pair, anywhere."""
+    """The best point found by moving one rise, fall, delay, decay or hold, or a (rise, fall) pair, anywhere.
+
+    The best places of each approval state, apart from one another and no more than NEAR nats down, are
+    climbed from before they are judged: a better optimum is often lower before the rest has followed.
+    """
     space = objective.space
     index = space.index.tolist()
-    states = space.states
-    start, best, best_value = point.copy(), point, value
+    moved: list[tuple[int, float, Floats]] = []
 
-    def attempt(coordinates: list[int], values: list[float]) -> None:
-        nonlocal best, best_value
-        trial = start.copy()
+    def attempt(state: int, coordinates: list[int], values: list[float]) -> None:
+        trial = point.copy()
         trial[coordinates] = values
-        there = objective.value(trial)
-        if there > best_value:
-            best, best_value = trial, there
+        moved.append((state, objective.value(trial), trial))
 
     for coordinate in range(len(space.odds), len(index)):
         for where in breakpoints(space, coordinate):
-            attempt([coordinate], [where])
-    for m in range(states):
-        rise, fall = 1 + states + m, 1 + 2 * states + m
+            attempt((index[coordinate] - 1) % space.states, [coordinate], [where])
+    for m in range(space.states):
+        rise, fall = 1 + space.states + m, 1 + 2 * space.states + m
         if rise in index and fall in index:
             pair = [index.index(rise), index.index(fall)]
             grids = [np.linspace(space.least[i], space.most[i], 11) for i in pair]
             for a in grids[0]:
                 for b in grids[1]:
-                    attempt(pair, [float(a), float(b)])
+                    attempt(m, pair, [float(a), float(b)])
+    best, best_value = point, value
+    for start, there in _apart(moved, point, value - NEAR):
+        climbed, reached = climb_smoothly(objective, start, gain=COARSE)
+        for trial, level in ((start, there), (climbed, reached)):
+            if level > best_value:
+                best, best_value = trial, level
     return best, best_value
+
+
+def _apart(moved: list[tuple[int, float, Floats]], point: Floats, least: float) -> list[tuple[Floats, float]]:
+    """Of each state the MOST best places above `least`, each at least APART from `point` and the others."""
+    kept: list[tuple[int, Floats, float]] = []
+    for state, value, trial in sorted(moved, key=lambda move: -move[1]):
+        own = [other for of, other, _ in kept if of == state]
+        if (
+            value > least
+            and len(own) < MOST
+            and all(np.abs(trial - at).max() > APART for at in (point, *own))
+        ):
+            kept.append((state, trial, value))
+    return [(trial, value) for _, trial, value in kept]
 
 
 def recombine(
