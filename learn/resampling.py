@@ -7,12 +7,13 @@ import numpy as np
 
 from learn.ascent import ascend, climb_from
 from learn.mstep import Objective
+from learn.optimum import across_breakpoints
 from taskcomm.lattice import Floats, Ints
 from taskcomm.parallel import map_in_order
 from taskcomm.trials import Trial
 
 STEPS, GAIN = 60, 1e-3  # of each climb, in nats: far less than what resamples differ by
-GRID = 12
+ROUNDS, ENOUGH = 4, 0.05
 
 
 def groups_of(trials: Sequence[Trial]) -> tuple[Hashable, ...]:
@@ -33,7 +34,7 @@ def members_of(groups: Sequence[Hashable]) -> Ints:
 class Resample:
     """One fit to teachers drawn again: weights that count each teacher's trials as often as drawn.
 
-    Climbs begin beside the fit to all, further from it, and where one time is moved across breakpoints.
+    Climbs begin beside the fit to all, further from it, and, from the better end, across breakpoints.
     """
 
     objective: Objective
@@ -54,27 +55,20 @@ class Resample:
             for size in (0.01, 0.3)
         )
         ends = [_climbed(objective, start) for start in (near, aside)]
-        ends.append(_climbed(objective, _moved(objective, max(ends, key=objective.value))))
-        return space.vector(max(ends, key=objective.value))
+        best = max(ends, key=objective.value)
+        value = objective.value(best)
+        for _ in range(ROUNDS):
+            before = value
+            best, value = across_breakpoints(objective, best, before)
+            if value - before <= ENOUGH:
+                break
+        return space.vector(best)
 
 
 def _climbed(objective: Objective, start: Floats) -> Floats:
     space = objective.space
     climb = climb_from(objective.value_and_rates, start)
     return ascend(objective.value_and_rates, climb, space.least, space.most, STEPS, GAIN).point
-
-
-def _moved(objective: Objective, point: Floats) -> Floats:
-    """The best of moving each rise, fall, ... anywhere, one after the other, across their breakpoints."""
-    space, best, value = objective.space, point, objective.value(point)
-    for i in range(len(space.odds), len(point)):
-        for where in np.linspace(space.least[i], space.most[i], GRID):
-            there = best.copy()
-            there[i] = where
-            reached = objective.value(there)
-            if reached > value:
-                best, value = there, reached
-    return best
 
 
 def resampled(

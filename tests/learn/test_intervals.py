@@ -89,11 +89,12 @@ def test_from_a_fit_short_of_the_best_the_intervals_are_those_of_the_best() -> N
 
 def test_a_trial_counted_twice_is_two_trials() -> None:
     """Weights of 2, or every trial given twice: the same standard errors and ends."""
-    once = fit(trials(), WORLD, starts=1, weights=[2.0] * 18)
-    again = tuple(replace(trial, trial_id=f"{trial.trial_id}-again") for trial in trials())
+    many = operator_trials(40, teacher(), seed=2)
+    once = fit(many, WORLD, starts=1, weights=[2.0] * 40)
+    again = tuple(replace(trial, trial_id=f"{trial.trial_id}-again") for trial in many)
     twice = replace(once, trial_hashes=once.trial_hashes * 2)
-    weighted = uncertainty(once, trials(), method="wald", weights=[2.0] * 18)
-    doubled = uncertainty(twice, trials() + again, method="wald")
+    weighted = uncertainty(once, many, method="wald", weights=[2.0] * 40)
+    doubled = uncertainty(twice, many + again, method="wald")
     pairs = [(a, b) for a, b in zip(weighted.intervals, doubled.intervals, strict=True) if a.how == "wald"]
     assert len(pairs) >= 3
     for a, b in pairs:
