@@ -206,9 +206,9 @@ class _Intervals:
             along = Slice(self.objective, int(c))
             way = np.zeros(len(self.centre))
             way[along.keep], way[c] = -along.slopes(self.centre), 1.0
-            error, rest = math.sqrt(way @ covariance @ way), self.centre[along.keep]
-            if math.isfinite(error):
-                values = along.value(self.centre) + reach * error * np.array([-1.0, 1.0])
+            variance, rest = float(way @ covariance @ way), self.centre[along.keep]
+            if 0 < variance < math.inf:  # elsewhere the log-likelihood bends the wrong way
+                values = along.value(self.centre) + reach * math.sqrt(variance) * np.array([-1.0, 1.0])
                 if c >= len(space.odds):
                     values = np.clip(values, space.least[c], space.most[c])
                 low, high = (along.natural(along.point(value, rest)) for value in values.tolist())
@@ -233,7 +233,8 @@ class _Intervals:
         )
         jacobian = self.information.jacobian * smooth
         plain, robust = (
-            np.sqrt(np.einsum("na,ab,nb->n", jacobian, covariance, jacobian)) for covariance in covariances
+            np.sqrt(np.maximum(np.einsum("na,ab,nb->n", jacobian, covariance, jacobian), 0.0))
+            for covariance in covariances
         )
         return plain, robust
 

@@ -90,7 +90,8 @@ class Profile:
         """The natural parameters of the places visited that are at most `drop` down, (places, 1 + 6 M)."""
         vector, point = self.slice.objective.space.vector, self.slice.point
         inside = [visit for visit in self.visits if visit.drop <= drop]
-        return np.array([vector(point(v.value, v.rest)) for v in inside]).reshape(len(inside), -1)
+        size = len(self.slice.objective.space.base)
+        return np.array([vector(point(v.value, v.rest)) for v in inside]).reshape(len(inside), size)
 
     def end(self, direction: int, drop: float) -> End:
         """Where the log-likelihood is last `drop` nats below the optimum, going up (1) or down (-1).
@@ -186,17 +187,20 @@ class Profile:
         return End(inside.value, self.slice.point(inside.value, inside.rest), not at_rest)
 
     def _crossing(self, inside: Visit, outside: Visit, drop: float) -> Visit:
-        """Where the drop is the one asked for: its root is nearly a line in the value."""
+        """Where the drop is the one asked for: its root is nearly a line in the value.
+
+        Beyond where a value is possible at all, it is the last that was found possible.
+        """
         aim = math.sqrt(drop)
-        for _ in range(8):
+        for _ in range(8 if outside.drop < math.inf else 16):
             a, b = math.sqrt(max(inside.drop, 0.0)), math.sqrt(outside.drop)
-            share = float(np.clip((aim - a) / (b - a), 0.05, 0.95))
+            share = float(np.clip((aim - a) / (b - a), 0.05, 0.95)) if b < math.inf else 0.5
             value = inside.value + share * (outside.value - inside.value)
             found = self._best(value, inside.rest + share * (outside.rest - inside.rest))
             if abs(found.drop - drop) < CLOSE:
                 return found
             inside, outside = (found, outside) if found.drop < drop else (inside, found)
-        return outside
+        return outside if outside.drop < math.inf else inside
 
     def _needs_longer_rise(self, at: Visit) -> bool:
         """Whether a peak could be greater still if its rise were not at its longest."""

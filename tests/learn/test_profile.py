@@ -1,6 +1,7 @@
 """Profile likelihood against brute force, where there are kinks, bounds and ridges."""
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -8,11 +9,13 @@ import pytest
 from taught import WORLD, operator_trials, teacher
 
 from learn import FitResult, fit
+from learn.certainty import _Intervals
 from learn.coordinates import vector_of
 from learn.em import prepare
 from learn.information import information
 from learn.mstep import Objective
 from learn.profile import CLOSE, Profile
+from learn.resampling import groups_of
 from learn.slices import Slice
 from taskcomm.lattice import Floats
 from taskcomm.teacher import TeacherModel
@@ -157,3 +160,23 @@ def test_a_model_of_one_state_agrees_with_a_grid_over_all_its_parameters() -> No
         assert top - best(end.value) > DROP - 0.02
         inside = profile.slice.value(here) + 0.8 * (end.value - profile.slice.value(here))
         assert top - best(inside) < DROP
+
+
+def test_an_end_is_where_values_are_possible_whatever_lies_beyond() -> None:
+    profile = profile_of(1, 4)
+    profile._step = 8.0
+    assert math.log(1) < profile._start + profile._step + profile.centre[4]  # a peak above 1
+    end = profile.end(1, DROP)
+    assert profile._start < end.value
+    assert objective().value(end.point) > profile.top - DROP - CLOSE
+
+
+def test_where_nothing_was_visited_nothing_is_within() -> None:
+    assert profile_of(0).within(DROP).shape == (0, 19)
+
+
+def test_where_the_log_likelihood_bends_the_wrong_way_there_are_no_standard_errors() -> None:
+    found, groups = information(objective(), centre()), groups_of(operator_trials(16, teacher()))
+    hollow = _Intervals(fitted(), objective(), centre(), replace(found, bend=-found.bend), groups)
+    assert hollow.wald(0.95) == {}
+    assert all(each.standard_error is None for each in hollow.assembled({}, "wald", 0.95).intervals)
