@@ -169,3 +169,16 @@ def test_a_trial_with_too_many_presses_is_named_with_its_place_and_the_way_out(
     assert re.search(
         r"trial a: more than 20000 memories .* shorter bounds .* \(trial a is at .*dense.csv:2\)", told
     )
+
+
+def test_one_person_cannot_be_compared_and_the_way_out_is_named(
+    table: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = [line for line in table.read_text().splitlines() if line.startswith(("trial_id", "p01"))]
+    table.write_text("\n".join(own) + "\n")
+    out = table.with_name("model.json")
+    fast = ("--starts", 1, "--intervals", "none", "--longest", 3)
+    assert run("fit", table, "--out", out, *fast) == BAD_DATA
+    assert "--folds 0" in capsys.readouterr().err
+    assert not out.exists()
+    assert run("fit", table, "--out", out, "--folds", 0, *fast) == DONE

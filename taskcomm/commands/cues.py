@@ -45,6 +45,18 @@ def start_for(trials: Sequence[Trial]) -> TeacherModel:
     return intuitive_for(world, trials[0].dt)
 
 
+def need_people(trials: Sequence[Trial]) -> None:
+    """FitError, before anything is fitted, where the comparison has nobody to leave out."""
+    from learn.exposure import FitError
+    from learn.held_out import person_of
+
+    if len({person_of(trial) for trial in trials}) < 2:
+        raise FitError(
+            "the comparison with other accounts leaves people out in turn, and all trials are of one"
+            " (participant_id): --folds 0 fits without it"
+        )
+
+
 def compared(
     trials: Sequence[Trial],
     fitted: "FitResult",

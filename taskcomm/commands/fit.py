@@ -56,6 +56,8 @@ def run(
     with result_file(out) as part, cues.figure_files(figure, folds, logs) as drawing:
         trials, places = read_with_places(logs, dt) if tables else load_trials(logs, terminal)
         start = start if given else cues.start_for(trials)
+        if tables and folds > 1:
+            cues.need_people(trials)
         record = run_record("fit", settings, [*log_files(logs), *model_files([initial])])
         if task_unknown:
             trials = [replace(trial, task=None) for trial in trials]
