@@ -201,8 +201,9 @@ def smooth(
 ) -> Smoothed:
     """P(M_t = m | whole trial) at every press, exact, with the trial's task known or not (None).
 
-    Raises ValueError if the model's dt is not the trial's, the task is none of its world's, or the
-    trial is past `MAX_MEMORIES` (LatticeTooLarge); ModelError for a cue that the world lacks.
+    Raises ValueError if the model's dt is not the trial's, the task is none of its world's, what was
+    observed is impossible, or the trial is past `MAX_MEMORIES` (LatticeTooLarge); ModelError for a cue that
+    the world lacks.
 
     >>> from taskcomm.world import NOA, Action, BallWorld
     >>> from taskcomm.trials import Step
@@ -228,6 +229,8 @@ def smooth(
     chain = Chain(join(units))
     evidence = chain.run(parameters) + np.log([one.share.sum() for one in shown])
     best = evidence.max()
+    if best == -np.inf:
+        raise ValueError(f"trial {trial.trial_id}: what was observed is impossible under the model")
     posterior = np.exp(evidence - best)
     answer = best + np.log(posterior.sum())
     posterior /= posterior.sum()

@@ -184,3 +184,16 @@ def test_a_fit_to_trials_with_gaps_finds_the_teacher_and_never_falls() -> None:
     np.testing.assert_allclose(peaks[0], peaks[1], rtol=0.35)
     assert 0 < -found.log_likelihood < -complete.log_likelihood
     assert [len(rows) for rows in found.responsibilities] == [int(trial.presses.sum()) for trial in gaps]
+
+
+def test_a_trial_that_no_reason_allows_is_one_error() -> None:
+    nobody_looks = {
+        state: dict(zip(("mov", "wrt", "other", "none"), (0.5, 0.5, 0, 0), strict=True)) for state in STATES
+    }
+    model = replace(
+        OFF_LATTICE, observation=ObservationModel(0.0, 0.0, {"gaze": TargetChannel(nobody_looks)})
+    )
+    for key in (False, True, None):
+        step = replace(BUSY.steps[0], pressed=key, signals={"gaze": "none"})
+        with pytest.raises(ValueError, match=r"trial hand: what was observed is impossible under the model"):
+            smooth(replace(BUSY, steps=(step,)), model)
