@@ -33,7 +33,8 @@ def test_files_and_pictures_exist() -> None:
 
 def test_commands_and_their_options_exist(capsys: pytest.CaptureFixture[str]) -> None:
     lines = re.findall(r"^    taskcomm (\w+)(.*)$", README, flags=re.MULTILINE)
-    assert {command for command, _ in lines} == set("validate fit compare replay simulate structure population recover".split())
+    named = "validate fit compare replay simulate structure population recover"
+    assert {command for command, _ in lines} == set(named.split())
     for command, rest in lines:
         assert main([command, "--help"]) == 0
         shown = capsys.readouterr().out

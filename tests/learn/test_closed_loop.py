@@ -57,7 +57,7 @@ def test_an_outcome_says_what_its_trial_came_to() -> None:
     assert (found.steps, found.correct, found.presses) == (
         trial.num_steps,
         trial.displayed == trial.task,
-        sum(step.pressed for step in trial.steps),
+        sum(bool(step.pressed) for step in trial.steps),
     )
     assert len(found.entropy) == len(found.highest) == len(found.right) == trial.num_steps + 1
     assert found.highest[-1] == robot.belief.marginal().max()
