@@ -17,7 +17,9 @@ from taskcomm.commands.output import result_directory
 from taskcomm.logs import read_trials
 from taskcomm.teacher import TeacherModel
 
-COMMANDS = ("simulate", "fit", "compare", "replay", "validate", "demo")
+COMMANDS = (
+    "simulate", "fit", "population", "structure", "compare", "replay", "validate", "demo", "recover"
+)  # fmt: skip
 DONE, FAILED, USAGE, BAD_DATA, NOT_CONVERGED = range(5)
 
 
@@ -279,7 +281,7 @@ def test_replay_explains_a_decision_in_words_as_json_and_as_a_drawing(
 
 def test_replay_of_one_among_many_wants_its_name(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("replay", log) == USAGE
-    assert "holds 6 trials" in capsys.readouterr().err
+    assert "holds 6 trials" in " ".join(capsys.readouterr().err.replace("│", " ").split())
     assert run("replay", log, "--trial", "nobody") == USAGE
     assert "no trial 'nobody'" in capsys.readouterr().err
 

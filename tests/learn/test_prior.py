@@ -131,9 +131,9 @@ def test_the_fit_remembers_whom_the_prior_was_centred_on() -> None:
     assert objective.value(objective.space.point(vector_of(result.model))) == pytest.approx(result.objective)
 
 
-def test_a_prior_narrows_the_intervals() -> None:
+def test_a_stronger_prior_narrows_the_intervals() -> None:
     wide, narrow = (
-        uncertainty(result, TRIALS, method="wald") for result in (fitted(0.0), fitted(STRENGTHS[1]))
+        uncertainty(result, TRIALS, method="wald") for result in (fitted(STRENGTHS[0]), fitted(STRENGTHS[1]))
     )
     both = [
         (wide[name].standard_error, narrow[name].standard_error)
