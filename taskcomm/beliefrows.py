@@ -28,7 +28,7 @@ def branched(rows: Rows, approval: Floats, mistake: float, told: Floats) -> Rows
     `approval` (R, M) is P(M_t = m) of each row, `told` P(observation | M): (2 + M,), or by row (R, 2 + M).
     """
     number, states = rows.level.shape
-    possible = (np.atleast_2d(told) > 0).any(axis=0).tolist()
+    possible: list[bool] = list(np.any(np.atleast_2d(told), axis=0))
     waiting, erring, told = told[..., WAITING], told[..., 1], told[..., 2:]
     unreset = mistake * erring
     if possible[WAITING]:
