@@ -22,7 +22,7 @@ $(READY): pyproject.toml constraints.txt
 	    "Name another: make setup PYTHON=python3.11" >&2; exit 1; }
 	@if [ -e $@ ]; then rm $@; else echo "Setting up $(VENV) (a minute or two, once)"; \
 	  $(PYTHON) -m venv --clear $(VENV); fi
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[learn,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[learn,web,dev]'
 	@touch $@
 
 demo: $(READY)  ## learn a teacher from the logged trials and compare the robots: demo-results/

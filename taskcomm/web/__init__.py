@@ -1,0 +1,1 @@
+"""The simulator and the study in the browser: server, pages, bots. Needs `pip install 'taskcomm[web]'`."""
