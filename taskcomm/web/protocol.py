@@ -23,7 +23,7 @@ Natural = Annotated[int, Meta(ge=0, le=2**53)]
 Moment = Annotated[float, Meta(ge=0, le=1e15)]
 
 
-class FromClient(Struct, tag_field="type", forbid_unknown_fields=True, kw_only=True, frozen=True):
+class FromClient(Struct, tag_field="type", forbid_unknown_fields=True, kw_only=True):
     """Anything that a client may send."""
 
 
@@ -123,7 +123,7 @@ def decode(text: str | bytes) -> Message:
     return _decoder.decode(text)
 
 
-class ToClient(Struct, tag_field="type", kw_only=True, frozen=True):
+class ToClient(Struct, tag_field="type", kw_only=True):
     """Anything that the server may send."""
 
 
