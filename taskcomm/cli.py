@@ -12,6 +12,8 @@ from typing import Annotated, Any
 
 import typer
 
+from taskcomm.commands.study import study
+
 DONE, FAILED, USAGE, BAD_DATA, NOT_CONVERGED = range(5)
 SPREAD = ("--models", "--truth", "--sizes", "--observe")  # options that take several values at once
 
@@ -34,6 +36,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+app.add_typer(study)
 
 Logs = Annotated[list[Path], typer.Argument(help="Trial logs: files, or directories of them.", exists=True)]
 TableStep = Annotated[
