@@ -139,7 +139,9 @@ def _lines(trial: Trial) -> Iterator[dict[str, Any]]:
     extras = [{"type": kind} | dict(line) for kind, lines in kinds for line in lines]
     placed = {line["seq"]: line for line in extras if "seq" in line}
     loose = [line for line in extras if "seq" not in line]
-    body = iter([_start(trial), *map(_step, range(trial.num_steps), trial.steps), *_end(trial), *loose])
+    body = iter(
+        [start_line(trial), *map(step_line, range(trial.num_steps), trial.steps), *end_lines(trial), *loose]
+    )
     count = len(extras) - len(loose)
     if len(placed) != count or (placed and not 0 < min(placed) <= max(placed) < _length(trial)):
         raise LogError("seq: events, ratings and labels must have places of their own within the trial")
@@ -153,7 +155,8 @@ def _length(trial: Trial) -> int:
     return 1 + trial.num_steps + ended + len(trial.events) + len(trial.ratings) + len(trial.labels)
 
 
-def _start(trial: Trial) -> dict[str, Any]:
+def start_line(trial: Trial) -> dict[str, Any]:
+    """The first line of a trial, but for its place."""
     return {
         "type": "trial_start",
         "schema": SCHEMA,
@@ -173,7 +176,8 @@ def _start(trial: Trial) -> dict[str, Any]:
     }
 
 
-def _step(t: int, step: Step) -> dict[str, Any]:
+def step_line(t: int, step: Step) -> dict[str, Any]:
+    """The line of step `t`, but for trial and place."""
     line: dict[str, Any] = {"type": "step", "t": t, "action": action_part(step.action)}
     line |= {
         "action_source": step.action_source,
@@ -188,7 +192,8 @@ def _step(t: int, step: Step) -> dict[str, Any]:
     return line
 
 
-def _end(trial: Trial) -> list[dict[str, Any]]:
+def end_lines(trial: Trial) -> list[dict[str, Any]]:
+    """The line of how a trial ended, but for trial and place; none where it broke off."""
     if trial.reason is None:
         return []
     displayed = None if trial.displayed is None else task_part(trial.displayed)

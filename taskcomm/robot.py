@@ -164,33 +164,35 @@ class Robot:
             raise ValueError("a trial begins with act(None), goes on with act(pressed) and ends with Final")
         if pressed is not None:
             self.belief = self.belief.update(self.state, bool(pressed), signals)
-        action = self._choice()
+        action = self.choose(self.belief, self.state)
         self._begun, self._over = True, isinstance(action, Final)
         if not self._over:
             self.state = self.world.step(self.state, action)
         return action
 
-    def _choice(self) -> Any:
+    def choose(self, belief: Belief, state: Any) -> Any:
+        """What this robot does under `belief` in world `state`: an action, or Final.
+
+        Neither is kept: it is `act` for whoever keeps belief and state, and tells what was in fact done.
+        """
         self.decision = None
-        marginal = self.belief.marginal()
+        marginal = belief.marginal()
         best = int(marginal.argmax())
         if not marginal[best] > self.threshold:
             plan: Callable[..., Any] = self.planner.plan
             in_time = {} if self.deadline is None else {"deadline": self.deadline}
-            self.decision = plan(self.belief, self.state, **in_time)
+            self.decision = plan(belief, state, **in_time)
             return self.decision.action
         task = self.world.tasks[best]
-        if is_goal(self.world, self.state, task):
-            return Final(task)
-        return self._next_on_way(task)
+        return Final(task) if is_goal(self.world, state, task) else self._next_on_way(state, task)
 
-    def _next_on_way(self, task: Hashable) -> Any:
-        if (self.state, task) not in self._ways:
-            at = self.state
+    def _next_on_way(self, state: Any, task: Hashable) -> Any:
+        if (state, task) not in self._ways:
+            at = state
             for action in route(self.world, at, task):
                 self._ways[at, task] = action
                 at = self.world.step(at, action)
-        return self._ways[self.state, task]
+        return self._ways[state, task]
 
 
 def _check_deadline(deadline: float | None, planner: Planner | None) -> None:

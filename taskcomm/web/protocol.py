@@ -120,7 +120,8 @@ _decoder = msgspec.json.Decoder(Message)
 
 def decode(text: str | bytes) -> Message:
     """A client's message; msgspec.DecodeError (a ValueError) for anything else."""
-    return _decoder.decode(text)
+    message: Message = _decoder.decode(text)
+    return message
 
 
 class ToClient(Struct, tag_field="type", kw_only=True):
