@@ -109,11 +109,15 @@ class TrialEnd(Line, kw_only=True, tag="trial_end"):
 
 
 class LabelLine(Line, kw_only=True, tag="label"):
-    """Added by hand: the mental state behind the press in the step line `press_seq`."""
+    """Added by hand: the mental state behind the press in the step line `press_seq`.
+
+    A press may be labelled again: of each annotator the last label counts.
+    """
 
     press_seq: Natural
     mental_state: Name
     annotator: str | None = None
+    utc: str | None = None
 
 
 AnyLine = TrialStart | StepLine | EventLine | RatingLine | ResumeLine | TrialEnd | LabelLine

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from taskcomm.courses import courses_of
 from taskcomm.lattice import MAX_MEMORIES, Bools, Extent, Floats, Ints, Lattice, build_unit, join
-from taskcomm.observation import observation_weights
+from taskcomm.observation import observation_logs
 from taskcomm.parallel import over_ranges
 from taskcomm.teacher import Parameters, TeacherModel
 from taskcomm.trials import Trial
@@ -40,50 +40,48 @@ def task_prior(world: World, prior: ArrayLike | None) -> Floats:
 
 
 def seen(trial: Trial, world: World, model: TeacherModel, labels: bool = False) -> Floats | None:
-    """P(observation | M, task) of every step, (T, tasks, 2 + M), or None where presses are all there is.
+    """ln P(observation | M, task) of every step, (T, tasks, 2 + M), or None where presses are all there is.
 
-    With `labels`, a press that annotators have labelled has been made for one of the reasons they gave.
+    With `labels`, a press that annotators have labelled has been made for one of the reasons they gave, the
+    last of each.
     Raises ValueError naming trial and step for a signal or a label that the model cannot take.
     """
-    given = trial.labels if labels else ()
+    given = trial.labelled if labels else {}
     if model.observation.is_exact_key and trial.recorded.all() and not given:
         return None
     try:
-        weights = observation_weights(trial, world, model)
+        logs = observation_logs(trial, world, model)
     except ValueError as error:
         raise ValueError(f"trial {trial.trial_id}: {error}") from None
-    at = {seq: t for t, seq in enumerate(trial.step_seqs)}
-    allowed: dict[int, set[str]] = {}
-    for label in given:
-        allowed.setdefault(at[label["press_seq"]], set()).add(label["mental_state"])
-    for t, states in allowed.items():
+    for t, said in given.items():
+        states = set(said.values())
         if unknown := states - set(model.mental_states):
             raise ValueError(
                 f"trial {trial.trial_id}: step {t} is labelled {min(unknown)!r}, no state of the model"
             )
-        weights[t, :, [state not in states for state in model.mental_states]] = 0.0
-    return weights
+        logs[t, :, [state not in states for state in model.mental_states]] = -np.inf
+    return logs
 
 
 class Hypothesis(NamedTuple):
-    """What a trial shows under some tasks: cues (T, M), P(observation | M) (T, 2 + M) unless plain, and the
-    weight of each task, (tasks,), 0 for those under which it shows something else."""
+    """What a trial shows under some tasks: cues (T, M), ln P(observation | M) (T, 2 + M) unless plain, and
+    the weight of each task, (tasks,), 0 for those under which it shows something else."""
 
     cues: Bools
-    weights: Floats | None
+    logs: Floats | None
     share: Floats
 
 
 def hypotheses(
-    table: Bools, weights: Floats | None, prior: Floats, task: int | None, together: bool = True
+    table: Bools, logs: Floats | None, prior: Floats, task: int | None, together: bool = True
 ) -> list[Hypothesis]:
     """What a trial shows under each task, tasks that show the same `together` or not.
 
-    `table` (T, M, tasks) and `weights` (T, tasks, 2 + M) are those of all tasks; a known `task` weighs 1.
+    `table` (T, M, tasks) and `logs` (T, tasks, 2 + M) are those of all tasks; a known `task` weighs 1.
     """
 
     def of(k: int) -> tuple[Bools, Floats | None]:
-        return np.ascontiguousarray(table[:, :, k]), None if weights is None else weights[:, k].copy()
+        return np.ascontiguousarray(table[:, :, k]), None if logs is None else logs[:, k].copy()
 
     if task is not None:
         return [Hypothesis(*of(task), np.eye(len(prior))[task])]
@@ -224,7 +222,7 @@ def smooth(
     shown = hypotheses(cue_tables(trial, world, parameters.cue), seen(trial, world, model), weight, task)
     extent = Extent.of(parameters)
     units = [
-        build_unit(one.cues, trial.presses, extent, model.dt, MAX_MEMORIES, one.weights) for one in shown
+        build_unit(one.cues, trial.presses, extent, model.dt, MAX_MEMORIES, one.logs) for one in shown
     ]
     chain = Chain(join(units))
     evidence = chain.run(parameters) + np.log([one.share.sum() for one in shown])

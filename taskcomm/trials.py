@@ -1,5 +1,6 @@
 """A trial: what the robot did, when the teacher pressed, and how it ended."""
 
+from collections import Counter
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -120,10 +121,26 @@ class Trial:
         return tuple(islice((seq for seq in count(1) if seq not in taken), self.num_steps))
 
     @property
+    def labelled(self) -> dict[int, dict[str | None, str]]:
+        """The mental state behind a press by annotator, by step: of each annotator the last label counts."""
+        at = {seq: t for t, seq in enumerate(self.step_seqs)}
+        given: dict[int, dict[str | None, str]] = {}
+        for label in self.labels:
+            given.setdefault(at[label["press_seq"]], {})[label.get("annotator")] = label["mental_state"]
+        return given
+
+    @property
     def reasons(self) -> dict[int, str]:
-        """Known mental states behind presses, by step: as simulated or, above that, as labelled."""
+        """Known mental states behind presses, by step: as simulated or, above that, as most annotators say.
+
+        A press of which as many annotators say one thing as another is left out: its reason is not known.
+        """
         known = {
             t: step.mental_state for t, step in enumerate(self.steps) if step.pressed and step.mental_state
         }
-        at = {seq: t for t, seq in enumerate(self.step_seqs)}
-        return known | {at[label["press_seq"]]: label["mental_state"] for label in self.labels}
+        for t, said in self.labelled.items():
+            known.pop(t, None)
+            (state, most), *others = Counter(said.values()).most_common(2)
+            if not others or most > others[0][1]:
+                known[t] = state
+        return known

@@ -51,9 +51,11 @@ def pressed(trial: Trial, at: int, value: bool) -> Trial:
     return replace(trial, steps=tuple(steps))
 
 
-def labelled(trial: Trial, reasons: dict[int, str]) -> Trial:
+def labelled(trial: Trial, reasons: dict[int, str], annotator: str = "a") -> Trial:
     seqs = trial.step_seqs
-    labels = [{"press_seq": seqs[t], "mental_state": state, "annotator": "a"} for t, state in reasons.items()]
+    labels = [
+        {"press_seq": seqs[t], "mental_state": state, "annotator": annotator} for t, state in reasons.items()
+    ]
     return replace(trial, labels=tuple(labels))
 
 
@@ -113,8 +115,14 @@ def test_over_all_labels_of_a_press_the_likelihood_is_that_without_and_their_sha
 def test_labels_that_disagree_leave_either_reason() -> None:
     one, other = (_with_labels(labelled(BUSY, {4: state})) for state in ("mistake", "that_wrt"))
     both = labelled(BUSY, {4: "mistake"})
-    both = replace(both, labels=(*both.labels, *labelled(BUSY, {4: "that_wrt"}).labels))
+    both = replace(both, labels=(*both.labels, *labelled(BUSY, {4: "that_wrt"}, "b").labels))
     assert _with_labels(both) == pytest.approx(np.logaddexp(one, other), rel=1e-12)
+
+
+def test_of_an_annotator_who_labels_a_press_again_the_last_label_counts() -> None:
+    first, last = labelled(BUSY, {4: "mistake"}), labelled(BUSY, {4: "that_wrt"})
+    both = replace(last, labels=(*first.labels, *last.labels))
+    assert _with_labels(both) == _with_labels(last) != _with_labels(first)
 
 
 def test_a_label_that_the_model_lacks_is_one_error() -> None:

@@ -148,6 +148,25 @@ def test_lines_of_several_trials_may_take_turns(tmp_path: Path) -> None:
     assert read_trials(path) == [played("a"), played("b")]
 
 
+def test_of_each_annotator_the_last_label_of_a_press_counts_and_then_what_most_say(tmp_path: Path) -> None:
+    def read(*said: tuple[str | None, str]) -> Trial:
+        lines = lines_of(played())
+        for annotator, state in said:
+            label = {"press_seq": 2, "mental_state": state, "annotator": annotator, "utc": "2026-11-22"}
+            lines.append({"type": "label", "trial_id": "a", "seq": len(lines), **label})
+        path = dump(tmp_path / "labelled.jsonl", lines)
+        assert not validate(path).notices
+        return read_trials(path)[0]
+
+    again = read(("ann", "mistake"), ("bob", "that_wrt"), ("ann", "that_wrt"))
+    assert again.labelled == {1: {"ann": "that_wrt", "bob": "that_wrt"}}
+    assert again.reasons == {1: "that_wrt", 4: "that_mov"}
+    most = read(("ann", "mistake"), ("bob", "that_wrt"), ("cleo", "mistake"), (None, "that_mov"))
+    assert most.reasons[1] == "mistake"
+    split = read(("ann", "mistake"), ("bob", "that_wrt"))
+    assert split.reasons == {4: "that_mov"}
+
+
 def test_unknown_keys_and_types_of_line_are_ignored_but_mentioned(tmp_path: Path) -> None:
     lines = lines_of(played())
     lines[2]["mood"] = "fine"
