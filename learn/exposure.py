@@ -153,11 +153,10 @@ def expose(
     for number, trial in enumerate(trials):
         try:
             task = None if trial.task is None else index_of_task(trial, world, trial.task)
-            table, weights = cue_tables(trial, world, parameters.cue), seen(trial, world, model, labels)
-            shown = hypotheses(table, weights, weight, task, together)
+            table, logs = cue_tables(trial, world, parameters.cue), seen(trial, world, model, labels)
+            shown = hypotheses(table, logs, weight, task, together)
             units += [
-                build_unit(one.cues, trial.presses, extent, model.dt, most, one.weights, beam)
-                for one in shown
+                build_unit(one.cues, trial.presses, extent, model.dt, most, one.logs, beam) for one in shown
             ]
         except LatticeTooLarge as error:
             raise FitError(f"trial {trial.trial_id}: {error}", trial.trial_id) from None

@@ -16,7 +16,7 @@ from learn import emissions
 from learn.estep import Evidence, Expectation
 from learn.exposure import FitError
 from taskcomm.channels import NONE, NormalChannel, ObservationModel, PlainChannel, TargetChannel
-from taskcomm.lattice import Floats, Ints
+from taskcomm.lattice import Floats, Ints, relative
 from taskcomm.observation import Observer
 from taskcomm.teacher import ModelError, TeacherModel
 from taskcomm.trials import Trial
@@ -104,9 +104,9 @@ class Observing:
         self._numbers = self._measured(trials, order)
         # What is not the observation model's: labels, which bar states whatever the observation.
         self._barred = np.zeros((int(starts[-1]), lattice.event.shape[1]), dtype=np.bool_)
-        events = lattice.event[self._layers]
-        self._barred[self._rows[self._layers]] = (events == 0) & (
-            self._weights()[self._rows[self._layers]] > 0
+        events = lattice.event_log[self._layers]
+        self._barred[self._rows[self._layers]] = (events == -np.inf) & (
+            self._logs()[self._rows[self._layers]] > -np.inf
         )
         self.set(model.observation)
 
@@ -135,8 +135,8 @@ class Observing:
             result[name] = _Numbers(rows, values[rows], roles, overall)
         return result
 
-    def _weights(self) -> Floats:
-        """P(observation | M) of every step of every unit, (steps, 2 + M); densities for numbers."""
+    def _logs(self) -> Floats:
+        """ln P(observation | M) of every step of every unit, (steps, 2 + M); densities for numbers."""
         seen, states = self.observation, self.base.mental_states
         discrete = replace(seen, channels=seen.discrete)
         observer = Observer(self.world, replace(self.base, observation=discrete))
@@ -151,20 +151,18 @@ class Observing:
                 if roles is not None:
                     mean, sd = (np.array([by[role] for role in roles]) for by in (mean, sd))
                 result[rows, k] += norm.logpdf(values, mean, sd)
-        return np.asarray(np.exp(result))
+        return np.asarray(result)
 
     def set(self, observation: ObservationModel) -> None:
         """Stand at `observation`: the lattice's events and constants become its own."""
         self.observation = observation
-        lattice, weights = self.evidence.exposure.lattice, self._weights()
-        weights[self._barred] = 0.0
-        at_events = weights[self._rows[self._layers]]
-        greatest = at_events.max(axis=1)
-        lattice.event[self._layers] = at_events / np.where(greatest > 0, greatest, 1.0)[:, None]
+        lattice, logs = self.evidence.exposure.lattice, self._logs()
+        logs[self._barred] = -np.inf
+        at_events, greatest = relative(logs[self._rows[self._layers]])
+        lattice.observe(self._layers, at_events)
         constant = np.zeros(len(self._unit))
-        with np.errstate(divide="ignore"):
-            constant[self._silent] = np.log(weights[self._silent, WAITING])
-            constant[self._rows[self._layers]] = np.log(greatest)
+        constant[self._silent] = logs[self._silent, WAITING]
+        constant[self._rows[self._layers]] = greatest[:, 0]
         lattice.unit_constant[:] = np.bincount(self._unit, constant)
 
     def log_prior(self) -> float:

@@ -24,6 +24,7 @@ Bools = NDArray[np.bool_]
 
 MAX_MEMORIES = 200_000
 SLACK = 1e-9
+LEAST_LOG = -700.0  # exp of less may be 0
 
 
 class LatticeTooLarge(ValueError):
@@ -71,8 +72,10 @@ class Lattice(NamedTuple):
     memories `layer_memories[l]` to `layer_memories[l + 1]`. In memory s approval m is on track
     `memory_track[s, m]`, its level at step t stored at `memory_base[s, m] + t`; s goes to memory
     `memory_next[s, reset]` at the event: reset 0 is none (waiting or mistake), 1 + m that of approval m,
-    and -1 says that it cannot happen. `event[l]` (2 + M) is P(observation | M) at the event, columns as
-    `mental_states`, over its greatest. Unit u has the layers `unit_layers[u]` to `unit_layers[u + 1]` and
+    and -1 says that it cannot happen. `event_log[l]` (2 + M) is ln P(observation | M) at the event, columns
+    as `mental_states`, less its greatest; `event[l]` is its exponential over that of `event_scale[l]`, which
+    the passes move where the states that a memory leaves possible are far less probable than the greatest.
+    Unit u has the layers `unit_layers[u]` to `unit_layers[u + 1]` and
     the tracks `unit_tracks[u]` to `unit_tracks[u + 1]`; `unit_constant[u]` is the log-probability, in nats,
     of what its observations say of no memory. `unit_dropped[u]` bounds what memories that were left out
     as too improbable add to the log-likelihood, at the parameters that they were judged by. No cue is
@@ -96,6 +99,8 @@ class Lattice(NamedTuple):
     unit_layers: Ints
     unit_tracks: Ints
     event: Floats
+    event_log: Floats
+    event_scale: Floats
     unit_constant: Floats
     unit_dropped: Floats
     lag: int
@@ -104,6 +109,11 @@ class Lattice(NamedTuple):
     def size(self) -> int:
         """How many levels all the tracks hold."""
         return int(self.track_length.sum())
+
+    def observe(self, layers: Ints, logs: Floats) -> None:
+        """Set `event_log` of some layers to `logs` (layers, 2 + M), and what follows from it."""
+        self.event_log[layers], self.event_scale[layers] = logs, 0.0
+        self.event[layers] = np.exp(logs)
 
 
 class _Unit(NamedTuple):
@@ -117,7 +127,7 @@ class _Unit(NamedTuple):
     layer_sizes: Ints
     memory_track: Ints
     memory_next: Ints
-    event: Floats
+    event_log: Floats
     constant: float
     dropped: float
     lag: int
@@ -185,12 +195,18 @@ def _unique_rows(rows: Ints, base: int) -> tuple[Ints, Ints]:
     return rows[index], inverse.astype(np.int64)
 
 
-def press_weights(presses: Bools, states: int) -> Floats:
-    """P(observation | M) where the key neither misses nor fires by itself: shape (T, 2 + M)."""
-    weights = np.ones((len(presses), 2 + states))
-    weights[:, 0] = ~presses
-    weights[~presses, 1:] = 0.0
-    return weights
+def press_logs(presses: Bools, states: int) -> Floats:
+    """ln P(observation | M) where the key neither misses nor fires by itself: shape (T, 2 + M)."""
+    logs = np.zeros((len(presses), 2 + states))
+    logs[presses, 0] = -np.inf
+    logs[~presses, 1:] = -np.inf
+    return logs
+
+
+def relative(logs: Floats) -> tuple[Floats, Floats]:
+    """Logarithms less the greatest of their row, -inf where all are, and the greatest, each (rows, 1)."""
+    greatest = logs.max(axis=1, keepdims=True, initial=-np.inf)
+    return logs - np.where(np.isfinite(greatest), greatest, 0.0), greatest
 
 
 def build_unit(
@@ -199,19 +215,20 @@ def build_unit(
     extent: Extent,
     dt: float,
     most: int = MAX_MEMORIES,
-    weights: Floats | None = None,
+    logs: Floats | None = None,
     beam: Beam | None = None,
 ) -> _Unit:
     """The lattice of one trial under one task: `cues` (T, M), `presses` (T,).
 
-    `weights` (T, 2 + M) is P(observation | M), by default that of the presses alone; rest follows `presses`.
+    `logs` (T, 2 + M) is ln P(observation | M), by default that of the presses alone; rest follows `presses`.
     Resets that give the same levels for every parameter within the extent are one, and a reset of a
     level that is certainly 0 does not happen. With a `beam` memories that are too improbable are left
     out. Raises LatticeTooLarge past `most` memories, ValueError for an observation that no parameters
     within the extent allow.
     """
     steps, states = cues.shape
-    weights = press_weights(presses, states) if weights is None else weights
+    logs = press_logs(presses, states) if logs is None else logs
+    weights = np.where(np.isfinite(logs), np.exp(np.maximum(relative(logs)[0], LEAST_LOG)), 0.0)
     certain = _certainty(cues, extent, dt)
     events = np.flatnonzero(weights[:, 1:].any(axis=1))
     resets = np.concatenate([[-1], events])
@@ -240,7 +257,7 @@ def build_unit(
             moves.append(move)
     if ray is not None:
         ray.finish(memories)
-    return _assemble(cues, resets, layers, moves, last_use, rests, weights, ray, extent.lag)
+    return _assemble(cues, resets, layers, moves, last_use, rests, logs, ray, extent.lag)
 
 
 def _after(
@@ -280,7 +297,7 @@ def _assemble(
     moves: list[Ints],
     last_use: Ints,
     rests: NDArray[np.uint8],
-    weights: Floats,
+    logs: Floats,
     ray: Ray | None,
     lag: int,
 ) -> _Unit:
@@ -294,7 +311,7 @@ def _assemble(
     after = np.full((len(memories), cues.shape[1] + 1), -1, dtype=np.int64)
     for k, move in enumerate(moves):
         after[starts[k] : starts[k + 1]] = np.where(move >= 0, move + starts[k + 1], -1)
-    event, constant = weigh(weights, resets[1:])
+    event_log, constant = weigh(logs, resets[1:])
     return _Unit(
         cues=np.ascontiguousarray(cues.T).astype(np.uint8),
         rests=rests,
@@ -306,26 +323,22 @@ def _assemble(
         layer_sizes=sizes,
         memory_track=track[np.arange(cues.shape[1]), memories],
         memory_next=after,
-        event=event,
+        event_log=event_log,
         constant=constant,
         dropped=0.0 if ray is None else ray.bound,
         lag=lag,
     )
 
 
-def weigh(weights: Floats, events: Ints) -> tuple[Floats, float]:
-    """P(observation | M) at the end of each layer of a unit, over its greatest, and the constant in nats.
+def weigh(logs: Floats, events: Ints) -> tuple[Floats, float]:
+    """`Lattice.event_log` of the layers of a unit, and what its observations say of no memory, in nats.
 
-    The last layer ends with no event: ones stand there.
+    The last layer ends with no event: zeros stand there.
     """
-    greatest = weights[events].max(axis=1, keepdims=True, initial=0.0)
-    silent = np.ones(len(weights), dtype=np.bool_)
+    at_events, greatest = relative(logs[events])
+    silent = np.ones(len(logs), dtype=np.bool_)
     silent[events] = False
-    with np.errstate(divide="ignore"):
-        constant = np.log(greatest).sum() + np.log(weights[silent, 0]).sum()
-    event = np.ones((len(events) + 1, weights.shape[1]))
-    event[:-1] = weights[events] / np.where(greatest > 0, greatest, 1.0)
-    return event, float(constant)
+    return np.vstack([at_events, np.zeros(logs.shape[1])]), float(greatest.sum() + logs[silent, 0].sum())
 
 
 def join(units: Sequence[_Unit]) -> Lattice:
@@ -340,6 +353,7 @@ def join(units: Sequence[_Unit]) -> Lattice:
     length = np.concatenate([unit.track_length for unit in units])
     first = np.concatenate([unit.track_first for unit in units])
     at = starts(list(length))[:-1]
+    event_log = np.concatenate([unit.event_log for unit in units])
     memory_track = np.concatenate([tracks[u] + unit.memory_track for u, unit in enumerate(units)])
     return Lattice(
         cues=np.concatenate([unit.cues.ravel() for unit in units]),
@@ -367,7 +381,9 @@ def join(units: Sequence[_Unit]) -> Lattice:
         ),
         unit_layers=starts([len(unit.layer_first) for unit in units]),
         unit_tracks=tracks,
-        event=np.concatenate([unit.event for unit in units]),
+        event=np.exp(event_log),
+        event_log=event_log,
+        event_scale=np.zeros(len(event_log)),
         unit_constant=np.array([unit.constant for unit in units]),
         unit_dropped=np.array([unit.dropped for unit in units]),
         lag=max(unit.lag for unit in units),

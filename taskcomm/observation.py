@@ -44,17 +44,17 @@ class Outcomes(NamedTuple):
     table: Floats
 
 
-def observation_weights(trial: _Trial, world: World, model: TeacherModel) -> Floats:
-    """P(observation of step t | M_t, task), shape (T, tasks, 2 + M), columns as `model.mental_states`.
+def observation_logs(trial: _Trial, world: World, model: TeacherModel) -> Floats:
+    """ln P(observation of step t | M_t, task), shape (T, tasks, 2 + M), columns as `model.mental_states`.
 
     A key state that was not recorded and a signal that is missing have the factor 1; signals of channels that
-    the model lacks are left aside; a continuous channel contributes its density. Raises ModelError
+    the model lacks are left aside; a continuous channel contributes its density, however far out a number is. Raises ModelError
     where a channel does not fit the world, SignalError naming step and channel for a value that cannot be.
 
     >>> from taskcomm.trials import Step, Trial
     >>> from taskcomm.world import NOA, BallWorld
     >>> trial = Trial("a", BallWorld(), None, (Step(NOA, True), Step(NOA, False), Step(NOA, None)))
-    >>> observation_weights(trial, trial.world, TeacherModel.intuitive())[:, 0]
+    >>> np.exp(observation_logs(trial, trial.world, TeacherModel.intuitive()))[:, 0]
     array([[0., 1., 1., 1., 1.],
            [1., 0., 0., 0., 0.],
            [1., 1., 1., 1., 1.]])
@@ -62,13 +62,13 @@ def observation_weights(trial: _Trial, world: World, model: TeacherModel) -> Flo
     Source: MODEL.md, section 3.
     """
     observer = Observer(world, model)
-    weights = np.empty((len(trial.steps), len(world.tasks), len(model.mental_states)))
+    logs = np.empty((len(trial.steps), len(world.tasks), len(model.mental_states)))
     for t, step in enumerate(trial.steps):
         try:
-            weights[t] = observer.weights(step.pressed, step.signals)
+            logs[t] = observer.log_weights(step.pressed, step.signals)
         except SignalError as error:
             raise SignalError(f"step {t}: {error}") from None
-    return weights
+    return logs
 
 
 class Observer:

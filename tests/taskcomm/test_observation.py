@@ -16,7 +16,7 @@ from strategies import models, worlds
 from tinyworld import menu
 
 from taskcomm.channels import NormalChannel, ObservationModel, PlainChannel, TargetChannel
-from taskcomm.observation import Observer, observation_weights
+from taskcomm.observation import Observer, observation_logs
 from taskcomm.tasks import Task
 from taskcomm.teacher import ModelError, TeacherModel
 from taskcomm.trials import Step, Trial
@@ -34,7 +34,7 @@ def test_the_weights_are_the_law_step_by_step(data: st.DataObject) -> None:
     model = replace(model, observation=seen)
     keys = data.draw(st.lists(st.sampled_from([True, False, None]), min_size=1, max_size=3))
     steps = tuple(Step(NOA, key, signals=data.draw(signals_of(seen, world.num_balls))) for key in keys)
-    weights = observation_weights(Trial("a", world, None, steps), world, model)
+    weights = np.exp(observation_logs(Trial("a", world, None, steps), world, model))
     expected = [
         [
             [
@@ -51,7 +51,7 @@ def test_the_weights_are_the_law_step_by_step(data: st.DataObject) -> None:
 def test_an_exact_key_says_whether_the_teacher_waits_and_a_missing_one_nothing() -> None:
     steps = (Step(NOA, True), Step(NOA, False), Step(NOA, None, signals={"gaze": "1"}))
     trial = Trial("a", BallWorld(), None, steps)
-    weights = observation_weights(trial, trial.world, INTUITIVE)
+    weights = np.exp(observation_logs(trial, trial.world, INTUITIVE))
     assert weights.shape == (3, 24, 5)
     assert (weights == np.array([[0, 1, 1, 1, 1], [1, 0, 0, 0, 0], [1, 1, 1, 1, 1]])[:, None]).all()
 
@@ -213,7 +213,7 @@ def test_a_value_that_a_channel_cannot_have_is_named_with_its_step(signals: Any,
     model = replace(model, observation=ObservationModel(channels=channels))
     trial = Trial("a", BallWorld(), None, (Step(NOA, False), Step(NOA, False, signals=signals)))
     with pytest.raises(ValueError, match=message):
-        observation_weights(trial, trial.world, model)
+        observation_logs(trial, trial.world, model)
 
 
 def test_drawn_observations_have_their_probabilities() -> None:
