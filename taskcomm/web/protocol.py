@@ -176,7 +176,7 @@ class Frame(ToClient, tag="frame"):
     final: list[int]
     count: int
     state: Literal["count", "run", "pause", "over"]
-    action: str  # as it prints; "" before the first
+    action: str  # as it prints; "" before the first, "final" at the end
 
 
 class Pressed(ToClient, tag="pressed"):
@@ -211,7 +211,8 @@ class Acknowledged(ToClient, tag="ack"):
 
 
 class Saved(ToClient, tag="saved"):
-    """The lines of this trial's log up to `seq` are on disk."""
+    """Admin: the lines of this trial's log up to `seq` are on disk. (Their number could tell a teacher who
+    controls the robot.)"""
 
     trial: str
     seq: int
