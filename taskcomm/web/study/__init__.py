@@ -1,1 +1,1 @@
-"""The study as data: its design, texts, assignment and folder, and the pages that a participant goes through."""
+"""A study as data: its design, texts, assignment and folder, and the pages that participants go through."""
