@@ -1,0 +1,104 @@
+"""A simulated person at the operator's page."""
+
+from collections import deque
+from collections.abc import Sequence
+from contextlib import aclosing
+
+import numpy as np
+
+from taskcomm.operators import ScriptedOperator
+from taskcomm.robot import Final
+from taskcomm.web.bots.latency import latency
+from taskcomm.web.bots.line import Line, now_ms
+from taskcomm.web.bots.mirror import world_of
+from taskcomm.web.protocol import Act, Done, Frame, Pressed, Problem, Ready, Seat, Welcome
+from taskcomm.world import NOA
+
+
+class OperatorBot:
+    """An operator who says ready when asked and plays as ScriptedOperator does, a step behind the presses.
+
+    What the robot did not do (too late, or lost in a crash) is asked for again. `run()` never ends by itself.
+    """
+
+    def __init__(self, line: Line, step: float, seed: Sequence[int]) -> None:
+        self.line, self.step, self.seed = line, step, tuple(seed)
+        self.controlled = 0  # trials
+        self.problems: list[str] = []
+        self._seat = Seat(state="idle", participant="")
+        self._script: ScriptedOperator | None = None
+        self._lockstep = False
+        self._rng = np.random.default_rng([*self.seed, 0])
+
+    async def run(self) -> None:
+        """Until cancelled. Raises LineError where the line is lost for good."""
+        async with aclosing(self.line.messages()) as messages:
+            async for message in messages:
+                match message:
+                    case Welcome():
+                        self._lockstep = message.lockstep
+                    case Seat():
+                        await self._sit(message)
+                    case Pressed():
+                        self._presses.add(message.t)
+                    case Frame():
+                        await self._watch(message)
+                    case Problem():
+                        self.problems.append(message.text)
+
+    async def _sit(self, seat: Seat) -> None:
+        new = (seat.state, seat.participant) != (self._seat.state, self._seat.participant)
+        if new and seat.state != "control":
+            self._script = None
+        self._seat = seat
+        if seat.state == "ask":
+            await self.line.send(Ready())
+
+    def _begin(self, frame: Frame) -> None:
+        self.controlled += 1
+        self._script = ScriptedOperator(world_of(frame), self.step, reaction=1.0 + self.step)
+        key = [int.from_bytes(self._seat.participant.encode(), "big"), *self.seed]
+        self._script.reset(np.random.default_rng(key))
+        self._presses: set[int] = set()
+        self._heard = self._at = -1
+        self._asked: deque[tuple[str, int]] = deque()
+        self._carried_out: list[tuple[str, int]] = []
+        self._started = False
+
+    async def _watch(self, frame: Frame) -> None:
+        if self._seat.state != "control" or frame.state != "run" or frame.t < 0:
+            return
+        if self._script is None:
+            self._begin(frame)
+        self._reconcile(frame)
+        if not self._asked:
+            self._decide(frame.t)
+        if self._asked:
+            await self._act(frame.t, self._asked[0][0])
+        if self._lockstep:
+            await self.line.send(Done(t=frame.t))
+
+    def _reconcile(self, frame: Frame) -> None:
+        """Strike off what was carried out in this step; what was undone by a crash is asked for again."""
+        while self._carried_out and self._carried_out[-1][1] >= frame.t:
+            self._asked.appendleft(self._carried_out.pop())
+        if self._asked and frame.action == self._asked[0][0]:
+            self._carried_out.append((self._asked.popleft()[0], frame.t))
+
+    def _decide(self, t: int) -> None:
+        assert self._script is not None
+        pressed = any(self._heard < press < t for press in self._presses)
+        self._heard = max(self._heard, t - 1)
+        action = self._script.act(pressed if self._started else None)
+        self._started = True
+        if isinstance(action, Final):
+            self._asked.append(("final", t))
+        elif action != NOA:
+            self._asked.append((str(action), t))
+
+    async def _act(self, t: int, action: str) -> None:
+        message = Act(t=t, action=action, at=now_ms())
+        if self._lockstep:
+            await self.line.send(message)
+        else:
+            self.line.send_later(latency(self.step, self._rng), message)
