@@ -27,6 +27,14 @@ class Intervals(StrEnum):
     none = "none"
 
 
+class Ending(StrEnum):
+    """The format of figures."""
+
+    png = "png"
+    pdf = "pdf"
+    svg = "svg"
+
+
 app = typer.Typer(
     name="taskcomm",
     help="Human-robot task communication: simulate teachers, fit them, compare robots, replay trials.",
@@ -294,6 +302,33 @@ def replay(
     """
     settings = dict(locals())
     from taskcomm.commands import replay as command
+
+    raise typer.Exit(command.run(**settings))
+
+
+@app.command(epilog="Example: taskcomm figures my-study --out figures")
+def figures(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder of a study, or of trial logs; or a log.", exists=True)
+    ],
+    out: Annotated[Path, typer.Option(help="Directory for figures, numbers and captions; made if missing.")],
+    model: Annotated[
+        str | None,
+        typer.Option(help="Teacher model of the beliefs: a file, or 'intuitive' (default: the robot's own)."),
+    ] = None,
+    trial: Annotated[
+        str | None, typer.Option(help="Trial of mistake recovery and task marginals (default: by rule).")
+    ] = None,
+    ending: Annotated[Ending, typer.Option("--format", help="Format of the figures.")] = Ending.png,
+    seed: Seed = 0,
+    json: Json = False,
+) -> None:
+    """The paper's figures and statistics from the trials of a study, practice left out.
+
+    Each comes with its numbers and a caption; what cannot be made from these trials is named with the reason.
+    """
+    settings = dict(locals()) | {"ending": ending.value}
+    from taskcomm.commands import figures as command
 
     raise typer.Exit(command.run(**settings))
 

@@ -1,0 +1,88 @@
+"""`taskcomm figures`: the paper's figures and statistics, from the logs of a study."""
+
+from pathlib import Path
+
+import typer
+
+from taskcomm.commands.models import check_model, load_model, load_trials, model_files
+from taskcomm.commands.output import result_directory, run_record, sha256_of, write_json
+from taskcomm.commands.terminal import Terminal
+from taskcomm.studylogs import study_logs
+from taskcomm.teacher import ModelError, TeacherModel
+from taskcomm.trials import Trial
+
+
+def run(
+    folder: Path, out: Path, model: str | None, trial: str | None, ending: str, seed: int, json: bool
+) -> int:
+    """Draw, write figures, numbers, captions and statistics, and say what could not be made and why."""
+    from learn.study_report import study_report, write_study_report
+
+    terminal = Terminal(json)
+    files = study_logs(folder)
+    with result_directory(out) as part:
+        trials, _ = load_trials(files, terminal)
+        if trial is not None and trial not in {one.trial_id for one in trials}:
+            raise typer.BadParameter(f"no trial {trial!r} in {folder}", param_hint="--trial")
+        models = _Models(folder, model)
+        found = study_report(trials, models.of, trial, seed)
+        written = write_study_report(found, trials, part, ending, seed)
+        settings = {
+            "folder": folder,
+            "out": out,
+            "model": model,
+            "trial": trial,
+            "format": ending,
+            "seed": seed,
+        }
+        record = run_record("figures", settings, [*files, *model_files([model] if model else [])])
+        write_json({**record, "outputs": {path.name: sha256_of(path) for path in written}}, part / "run.json")
+    document = {
+        "command": "figures",
+        "out": str(out),
+        "trials": len(trials),
+        "figures": {figure.name: figure.caption for figure in found.figures},
+        "not_made": found.not_made,
+        "left_out": list(found.left_out),
+    }
+    terminal.document(document)
+    for figure in found.figures:
+        terminal.line(f"{out / figure.name}.{ending}: {figure.caption.split('. ')[0]}")
+    for name, why in found.not_made.items():
+        terminal.message(f"not made: {name}: {why}")
+    for why in found.left_out:
+        terminal.message(f"left out: {why}")
+    terminal.line(f"{out / 'figures.md'}: all of them, with the statistics")
+    return 0
+
+
+class _Models:
+    """The model of each trial's robot: the one named, or that of the log's hash among those at hand."""
+
+    def __init__(self, folder: Path, named: str | None) -> None:
+        self.named = named
+        self.model = None if named is None else load_model(named, "--model")
+        at_hand = [TeacherModel.intuitive()]
+        for path in sorted((folder / "models").glob("*.json")) if folder.is_dir() else ():
+            try:
+                at_hand.append(TeacherModel.load(path))
+            except ModelError:  # a model that no trial asks for does no harm
+                continue
+        self.at_hand = {one.sha256: one for one in at_hand}
+
+    def of(self, trial: Trial) -> TeacherModel:
+        """Raises Missing where the log's model is not at hand, ModelError where it does not fit the world."""
+        from learn.study_trials import Missing
+
+        asked = trial.robot_model or {}
+        model = self.model or self.at_hand.get(asked.get("sha256", ""))
+        name = self.named or str(asked.get("name"))
+        if model is None:
+            known = (
+                f"was run with model {name!r}, which is not at hand"
+                if asked
+                else "names no model of its robot"
+            )
+            raise Missing(f"trial {trial.trial_id} {known}; name a file with --model")
+        check_model(model, name, trial.world, {trial.dt})
+        return model
