@@ -313,6 +313,7 @@ def curve(
     """Log-likelihoods of the units, (units,), with first (units, n) and second derivatives (units, n, n).
 
     `column[i]` is the place of natural parameter i among the n, or -1 where its derivatives are not wanted.
+    A forward pass at the same parameters has scaled the lattice's events.
     """
     states, size = len(peak), len(to.quiet_rates)
     for u in range(first, last):
@@ -341,6 +342,8 @@ def curve(
                         _enter(p, count, bends, now, s - begin, onward, after - end, to)
                         total += to.weight[now, s - begin] * p
             answer += best + (math.log(total) if total > 0.0 else -math.inf)
+            if not final:
+                answer += lattice.event_scale[layer]
             if not total > 0.0:
                 break
             _scale(onward, 1 if final else after_end - end, 1.0 / total, to)

@@ -47,11 +47,11 @@ def curvature(evidence: Evidence, parameters: Parameters, wanted: Bools | None =
     column[kept] = np.arange(len(kept))
     of_units, rates = np.zeros(units), np.zeros((units, len(kept)))
     bends = np.zeros((units, len(kept), len(kept)))
+    expectation = evidence.expect(p)  # P(tasks of the unit | trial), and the events scaled for p
     _curvature.curve(
         lattice, 0, units, p.dt, p.mistake, p.peak, p.rise, p.fall, p.steps_late, p.part_late, p.decay,
         p.hold, column, _buffers(lattice, states, len(kept)), of_units, rates, bends,
     )  # fmt: skip
-    expectation = evidence.expect(p)  # P(tasks of the unit | trial)
     log_likelihood, share = expectation.log_likelihood, expectation.unit
     trials = len(log_likelihood)
     score, hessian = np.zeros((trials, count)), np.zeros((count, count))

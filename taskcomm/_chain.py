@@ -12,6 +12,8 @@ from taskcomm.compiling import kernel
 
 SMALL = 1e-200  # a product is folded into its logarithm below
 FAR = 1e-50  # so is one, below or above its inverse, that may be multiplied by such a product
+FAINT = 1e-150  # an event less probable than that is scaled anew
+MOST = 300.0  # the greatest exponent then; a state above it is one that no memory leaves possible
 
 _kernel = kernel(__name__, "the passes over a trial", _nrt=False, error_model="numpy")
 
@@ -112,6 +114,65 @@ def along(
 
 
 @_kernel
+def _rescale(lattice: Any, layer: int, likeliest: float) -> None:
+    """Write `event` of a layer anew: the exponentials of its `event_log` less `likeliest`, in nats."""
+    lattice.event_scale[layer] = likeliest
+    for state in range(lattice.event.shape[1]):
+        lattice.event[layer, state] = math.exp(min(lattice.event_log[layer, state] - likeliest, MOST))
+
+
+@_kernel
+def _likeliest(
+    lattice: Any, courses: Any, layer: int, mistake: float, peak: Any, share: Any, waiting: Any, quiet: Any,
+    entered: Any,
+) -> float:  # fmt: skip
+    """The greatest `event_log` of the states that some memory with a weight leaves possible at an event."""
+    found, press = -math.inf, lattice.layer_press[layer]
+    for s in range(lattice.layer_memories[layer], lattice.layer_memories[layer + 1]):
+        if not entered[s] * quiet[s] > 0.0:
+            continue
+        cell = courses.memory_cell[s] + press
+        if lattice.memory_next[s, 0] >= 0:
+            if waiting[cell] > 0.0:
+                found = max(found, lattice.event_log[layer, 0])
+            if mistake > 0.0:
+                found = max(found, lattice.event_log[layer, 1])
+        for m in range(len(peak)):
+            if lattice.memory_next[s, 1 + m] >= 0 and peak[m] * share[courses.cell_level[cell, m]] > 0.0:
+                found = max(found, lattice.event_log[layer, 2 + m])
+    return found
+
+
+@_kernel
+def _enter(
+    lattice: Any, courses: Any, layer: int, mistake: float, peak: Any, share: Any, waiting: Any, quiet: Any,
+    entered: Any,
+) -> float:  # fmt: skip
+    """Write the weights with which the memories of the next layer begin, and give their sum."""
+    press, total = lattice.layer_press[layer], 0.0
+    begin, end = lattice.layer_memories[layer], lattice.layer_memories[layer + 1]
+    silent = lattice.event[layer, 0]
+    for s in range(end, lattice.layer_memories[layer + 2]):
+        entered[s] = 0.0
+    for s in range(begin, end):
+        cell, leaving = courses.memory_cell[s] + press, entered[s] * quiet[s]
+        for reset in range(len(peak) + 1):
+            after = lattice.memory_next[s, reset]
+            if after < 0:
+                continue
+            if reset > 0:
+                p = peak[reset - 1] * share[courses.cell_level[cell, reset - 1]]
+                p *= lattice.event[layer, 1 + reset]
+            else:
+                p = lattice.event[layer, 1] * mistake
+                if silent > 0.0:
+                    p += silent * waiting[cell]
+            entered[after] += leaving * p
+            total += leaving * p
+    return total
+
+
+@_kernel
 def forward(
     lattice: Any, courses: Any, first: int, last: int, mistake: float, peak: Any, share: Any, waiting: Any,
     before: Any, scale: Any, quiet: Any, entered: Any, total: Any, log_likelihood: Any,
@@ -122,14 +183,9 @@ def forward(
     layer; `entered[s]` is the weight of memory s when its layer begins; `total[l]` is what the weights of
     layer l summed to when its event came, before they were made to sum to 1.
     """
-    states = len(peak)
     for u in range(first, last):
         answer, mass = lattice.unit_constant[u], 1.0
-        begin = lattice.layer_memories[lattice.unit_layers[u]]
-        end = lattice.layer_memories[lattice.unit_layers[u + 1]]
-        for s in range(begin, end):
-            entered[s] = 0.0
-        entered[begin] = 1.0
+        entered[lattice.layer_memories[lattice.unit_layers[u]]] = 1.0
         for layer in range(lattice.unit_layers[u], lattice.unit_layers[u + 1]):
             begin, end = lattice.layer_memories[layer], lattice.layer_memories[layer + 1]
             start, press = lattice.layer_first[layer], lattice.layer_press[layer]
@@ -150,30 +206,29 @@ def forward(
                 answer += math.log(mass)
                 mass = 1.0
             final = layer + 1 == lattice.unit_layers[u + 1]
-            silent, weight = lattice.event[layer, 0], 0.0
+            weight = 0.0
             for s in range(begin, end):
                 cell = courses.memory_cell[s]
                 p, lost = quiet[s] / top, scale[cell + press] - scale[cell + start]
                 if lost != best:
                     p *= math.exp(min(lost - best, 600.0))
                 quiet[s] = p
-                leaving = entered[s] * p
                 if final:
-                    weight += leaving
-                    continue
-                for reset in range(states + 1):
-                    after = lattice.memory_next[s, reset]
-                    if after < 0:
-                        continue
-                    if reset > 0:
-                        p = peak[reset - 1] * share[courses.cell_level[cell + press, reset - 1]]
-                        p *= lattice.event[layer, 1 + reset]
-                    else:
-                        p = lattice.event[layer, 1] * mistake
-                        if silent > 0.0:
-                            p += silent * waiting[cell + press]
-                    entered[after] += leaving * p
-                    weight += leaving * p
+                    weight += entered[s] * p
+            if not final:
+                if lattice.event_scale[layer] != 0.0:
+                    _rescale(lattice, layer, 0.0)
+                weight = _enter(lattice, courses, layer, mistake, peak, share, waiting, quiet, entered)
+                if not weight > FAINT:
+                    likeliest = _likeliest(
+                        lattice, courses, layer, mistake, peak, share, waiting, quiet, entered
+                    )
+                    if likeliest > -math.inf:
+                        _rescale(lattice, layer, likeliest)
+                        weight = _enter(
+                            lattice, courses, layer, mistake, peak, share, waiting, quiet, entered
+                        )
+                answer += lattice.event_scale[layer]
             total[layer] = weight
             if not weight > 0.0:
                 answer = -math.inf

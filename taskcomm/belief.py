@@ -14,7 +14,7 @@ from taskcomm.teacher import Parameters, TeacherModel
 from taskcomm.world import World
 
 NEVER = 1 << 40
-MOST = 700.0  # exp of more is not a number any more
+FEW, MOST = 600.0, 700.0  # exp of more than MOST is not a number any more, of less than -MOST it is 0
 
 
 class ImpossibleObservation(ValueError):
@@ -185,7 +185,8 @@ class Belief:
         most = float(logs[self.task].max())
         if not np.isfinite(most):
             raise self._impossible(state, pressed, signals)
-        return np.asarray(np.exp(np.minimum(logs - most, MOST)))
+        near = np.exp(np.clip(logs - most, -FEW, MOST))  # what is possible stays so
+        return np.where(np.isfinite(logs), near, 0.0)
 
     def _pruned(self, rested: bool, told: Floats) -> Self:
         """This belief without its lightest rows, and the bound on what has been lost.

@@ -73,8 +73,8 @@ class Lattice(NamedTuple):
     `memory_track[s, m]`, its level at step t stored at `memory_base[s, m] + t`; s goes to memory
     `memory_next[s, reset]` at the event: reset 0 is none (waiting or mistake), 1 + m that of approval m,
     and -1 says that it cannot happen. `event_log[l]` (2 + M) is ln P(observation | M) at the event, columns
-    as `mental_states`, less its greatest; `event[l]` is its exponential over that of `event_scale[l]`, which
-    the passes move where the states that a memory leaves possible are far less probable than the greatest.
+    as `mental_states`, less its greatest; `event[l]` is exp(event_log[l] - event_scale[l]), where the forward
+    pass moves the scale from 0 as far as the states that are possible are less probable than the greatest.
     Unit u has the layers `unit_layers[u]` to `unit_layers[u + 1]` and
     the tracks `unit_tracks[u]` to `unit_tracks[u + 1]`; `unit_constant[u]` is the log-probability, in nats,
     of what its observations say of no memory. `unit_dropped[u]` bounds what memories that were left out
