@@ -128,6 +128,8 @@ class ToClient(Struct, tag_field="type", kw_only=True):
     """Anything that the server may send."""
 
 
+PageKind = Literal["text", "consent", "form", "card", "wait", "trial", "thanks", "gone"]
+SeatState = Literal["idle", "ask", "wait", "watch", "control"]
 Role = Literal["teacher", "operator", "admin", "annotator"]
 
 
@@ -153,7 +155,7 @@ class Page(ToClient, tag="page"):
 
     index: int
     of: int
-    kind: Literal["text", "consent", "form", "card", "wait", "trial", "thanks", "gone"]
+    kind: PageKind
     content: dict[str, Any] = {}
 
 
@@ -189,7 +191,7 @@ class Seat(ToClient, tag="seat"):
     """Operator: what is asked now. `state`: idle (no teacher yet), ask (say ready), wait (teacher is
     reading), watch (this trial is not yours to control, but look ready), control (yours)."""
 
-    state: Literal["idle", "ask", "wait", "watch", "control"]
+    state: SeatState
     participant: str
     card: list[int] = []  # only where the study says so
 

@@ -1,0 +1,296 @@
+"""A study on the server: its rooms, its operators' desks, who looks on, what is written where."""
+
+import asyncio
+import logging
+import time
+from typing import Any
+
+import msgspec
+
+from taskcomm.web.client import REFUSED, REPLACED, Client
+from taskcomm.web.desk import Desk
+from taskcomm.web.journal import Journal, torn_end
+from taskcomm.web.protocol import (
+    Acknowledged,
+    Act,
+    Answer,
+    Done,
+    Focus,
+    Label,
+    Listing,
+    Message,
+    Open,
+    Order,
+    Pong,
+    Press,
+    Problem,
+    Ready,
+    Status,
+    ToClient,
+    Watch,
+)
+from taskcomm.web.rooms import Room
+from taskcomm.web.study.folder import Seat, StudyFolder
+from taskcomm.web.thinking import Minds, RobotPlan
+from taskcomm.web.trialrun import Timing, utc
+
+log = logging.getLogger("taskcomm")
+
+# What each role may send, beside pongs.
+_ALLOWED: dict[str, tuple[type, ...]] = {
+    "teacher": (Press, Focus, Answer, Done),
+    "operator": (Act, Ready, Done),
+    "admin": (Watch, Order, Open, Listing),
+    "annotator": (Open, Label, Listing),
+}
+PING_EVERY, LOG_CLOCK_EVERY, STATUS_EVERY = 2.0, 10.0, 1.0
+
+
+class House:
+    """Everything that a running study holds. One event loop uses it; only the journal has a thread."""
+
+    def __init__(self, folder: StudyFolder, *, processes: int = 1, lockstep: bool = False) -> None:
+        self.folder, self.design = folder, folder.design
+        self.world = self.design.ball_world
+        asked = self.design.timing
+        self.timing = Timing(
+            step=asked.step,
+            limit=self.design.max_steps,
+            countdown=round(asked.countdown),
+            grace=asked.grace,
+            away=asked.away,
+            lockstep=lockstep,
+        )
+        self.robots = {
+            condition.name: RobotPlan(
+                self.world, folder.model(condition.model), condition.horizon, condition.threshold
+            )
+            for condition in self.design.conditions
+            if condition.controller == "planner"
+        }
+        self.journal = Journal()
+        self._mend_server_log()
+        self.minds = Minds(list(dict.fromkeys(self.robots.values())), processes)
+        self.rooms = {person.id: Room(self, person) for person in folder.participants}
+        self.desks = {name: Desk(self, name) for name in folder.operators}
+        self.admins: set[Client] = set()
+        self.annotators: dict[str, Client] = {}
+        self.clients: set[Client] = set()
+        self._tasks: set[asyncio.Task[Any]] = set()
+        self._label_locks: dict[str, asyncio.Lock] = {}
+
+    def _mend_server_log(self) -> None:
+        if self.folder.server_log.exists():
+            torn_end(self.folder.server_log)
+
+    def note(self, kind: str, **fields: Any) -> None:
+        """A line in the server's own log."""
+        content = msgspec.json.encode({"utc": utc(), "kind": kind, **fields}) + b"\n"
+        try:
+            self.journal.append(self.folder.server_log, content)
+        except RuntimeError:  # no loop yet: what is found while starting
+            with self.folder.server_log.open("ab") as file:
+                file.write(content)
+
+    # Who comes, speaks and goes
+
+    def attach(self, client: Client, seat: Seat) -> None:
+        """A client has shown its token."""
+        client.role, client.name = seat.role, seat.name
+        self.clients.add(client)
+        self.note("connect", role=seat.role, name=seat.name)
+        if seat.role == "teacher":
+            self.rooms[seat.name].attach(client)
+        elif seat.role == "operator":
+            self.desks[seat.name].attach(client)
+        elif seat.role == "admin":
+            self.admins.add(client)
+            client.send(self.status())
+        else:
+            before = self.annotators.get(seat.name)
+            if before is not None:
+                before.drop(REPLACED, "opened elsewhere")
+            self.annotators[seat.name] = client
+
+    def detach(self, client: Client) -> None:
+        """A client has gone."""
+        self.clients.discard(client)
+        self.admins.discard(client)
+        if client.role == "teacher":
+            self.rooms[client.name].detach(client)
+        elif client.role == "operator":
+            self.desks[client.name].detach(client)
+        elif self.annotators.get(client.name) is client:
+            del self.annotators[client.name]
+        if client.role is not None:
+            self.note("disconnect", role=client.role, name=client.name)
+
+    async def handle(self, client: Client, message: Message) -> None:
+        """One message of a client that said hello; one that its role may not send drops it."""
+        if isinstance(message, Pong):
+            if not client.link.pong(message):
+                client.drop(REFUSED, "no such ping")
+        elif not isinstance(message, _ALLOWED[client.role or ""]):
+            client.drop(REFUSED, "not yours to send")
+        elif client.role == "teacher":
+            await self._of_teacher(client, message)
+        elif client.role == "operator":
+            self.desks[client.name].handle(client, message)
+        elif isinstance(message, Watch):
+            self._watch(client, message.participant)
+        elif isinstance(message, Order):
+            self._order(client, message)
+        else:
+            await self._of_reader(client, message)
+
+    async def _of_teacher(self, client: Client, message: Message) -> None:
+        room = self.rooms[client.name]
+        if room.client is not client:
+            return
+        if isinstance(message, Press):
+            room.press(client, message)
+        elif isinstance(message, Answer):
+            await room.answer(client, message)
+        elif room.run is not None:
+            if isinstance(message, Focus):
+                room.run.event("focus", on=message.on, at=message.at)
+            elif isinstance(message, Done) and self.timing.lockstep:
+                room.run.done("teacher", message.t)
+
+    def _watch(self, client: Client, participant: str | None) -> None:
+        room = self.rooms.get(participant or "")
+        client.watched = room.participant.id if room else None
+        if room is not None and room.run is not None:
+            client.send(room.run.current())
+
+    def _order(self, client: Client, order: Order) -> None:
+        room = self.rooms.get(order.participant)
+        if room is None or room.run is None:
+            client.send(Problem(text="no trial is running there"))
+            return
+        room.run.order(order.what)
+
+    async def _of_reader(self, client: Client, message: Message) -> None:
+        """Replays and labels: read and computed off the event loop."""
+        from taskcomm.web import replaying
+
+        blind = client.role != "admin"
+        try:
+            if isinstance(message, Listing):
+                client.send(await asyncio.to_thread(replaying.trials, self.folder, blind))
+            elif isinstance(message, Open):
+                asked = message.trial, message.model, blind
+                client.send(await asyncio.to_thread(replaying.opened, self.folder, *asked))
+            elif isinstance(message, Label):
+                await self._label(client, message)
+        except ValueError as error:
+            client.send(Problem(text=str(error)))
+
+    async def _label(self, client: Client, label: Label) -> None:
+        from taskcomm.web import replaying
+
+        async with self._label_locks.setdefault(label.trial, asyncio.Lock()):
+            at = [room.page.trial for room in self.rooms.values()]
+            if any(plan is not None and plan.trial_id == label.trial for plan in at):
+                raise ValueError("this trial is not over yet")
+            path, line = await asyncio.to_thread(replaying.label_line, self.folder, label, client.name)
+            await self.journal.append(path, line)
+        client.send(Acknowledged(what="label", n=label.press_seq))
+
+    # Operators
+
+    def refresh(self, operator: str | None) -> None:
+        """An operator may have something else to do now."""
+        if operator is not None:
+            self.desks[operator].refresh()
+
+    def operator_ready(self, room: Room) -> bool:
+        """Whether the trial of a room may begin; where there are no operators, at once."""
+        operator = room.participant.operator
+        return operator is None or self.desks[operator].ready_for(room)
+
+    def offer(self, room: Room) -> None:
+        """Tell the operator in control what can be done in this step."""
+        if room.participant.operator is not None:
+            self.desks[room.participant.operator].offer(room)
+
+    def trial_over(self, room: Room) -> None:
+        """The operator is asked again before the next trial."""
+        if room.participant.operator is not None:
+            self.desks[room.participant.operator].trial_over()
+
+    # Whoever looks on
+
+    def watchers(self, room: Room) -> list[Client]:
+        """The operator at this room's trial, and the admins who watch it."""
+        desk = self.desks.get(room.participant.operator or "")
+        seen = [desk.client] if desk is not None and desk.room is room and desk.client is not None else []
+        return [*seen, *(admin for admin in self.admins if admin.watched == room.participant.id)]
+
+    def to_admins(self, message: ToClient) -> None:
+        """To every admin."""
+        for admin in self.admins:
+            admin.send(message)
+
+    def status(self) -> Status:
+        """What the admin page shows."""
+        rooms = [room.status() for room in self.rooms.values()]
+        running = [room.run for room in self.rooms.values() if room.run is not None]
+        late = [ms for run in running for ms in run.clock.late[-20:]]
+        server = {
+            "trials": len(running),
+            "clients": len(self.clients),
+            "late_ms": round(max(late, default=0.0), 3),
+            "missed": sum(run.clock.summary()["missed"] for run in running),
+            "simulated": self.design.simulated,
+        }
+        return Status(participants=rooms, server=server)
+
+    def acknowledge(self, client: Client, done: "asyncio.Future[None]", message: ToClient) -> None:
+        """Send `message` when `done` is, unless it failed."""
+
+        def say(future: "asyncio.Future[None]") -> None:
+            if not future.cancelled() and future.exception() is None:
+                client.send(message)
+
+        done.add_done_callback(say)
+
+    # Running
+
+    async def beat(self) -> None:
+        """Pings, clocks of clients into the logs, tables of the admins: as long as the server runs."""
+        logged = 0.0
+        while True:
+            for client in list(self.clients):
+                client.send(client.link.ping())
+            if time.monotonic() - logged >= LOG_CLOCK_EVERY:
+                logged = time.monotonic()
+                self._log_clocks()
+            for _ in range(round(PING_EVERY / STATUS_EVERY)):
+                if self.admins:
+                    self.to_admins(self.status())
+                await asyncio.sleep(STATUS_EVERY)
+
+    def _log_clocks(self) -> None:
+        """Round-trip time and offset of the clients of every trial that runs, beside its steps."""
+        if self.timing.lockstep:
+            return
+        for room in self.rooms.values():
+            if room.run is None or room.run.mode != "run":
+                continue
+            desk = self.desks.get(room.participant.operator or "")
+            clients = {"teacher": room.client, "operator": desk.client if desk else None}
+            for role, client in clients.items():
+                if client is not None and client.link.best is not None:
+                    room.run.event("clock", role=role, **client.link.fields())
+
+    def start(self) -> None:
+        """Load the planner's kernels."""
+        began = time.monotonic()
+        self.minds.warm_up()
+        log.info("planner ready after %.1f s", time.monotonic() - began)
+
+    def close(self) -> None:
+        """Write what waits; end the planner's processes."""
+        self.journal.close()
+        self.minds.close()

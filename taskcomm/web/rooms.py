@@ -1,0 +1,295 @@
+"""One participant of a study on the server: the pages one after the other, and the trials among them."""
+
+import asyncio
+import logging
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from taskcomm import __version__
+from taskcomm.logreader import LogReader
+from taskcomm.logwriter import TrialWriter
+from taskcomm.trials import Trial
+from taskcomm.web.client import REFUSED, REPLACED, Client
+from taskcomm.web.journal import torn_end
+from taskcomm.web.pilots import OperatorPilot, Pilot, PlannerPilot
+from taskcomm.web.protocol import Acknowledged, Answer, Frame, Page, PageKind, Press, Pressed, Problem, Saved
+from taskcomm.web.study.assignment import Participant, TrialPlan
+from taskcomm.web.study.pages import AnswerError, PageSpec, checked, declined, pages, rating_lines
+from taskcomm.web.trialrun import TrialRun, utc
+
+if TYPE_CHECKING:
+    from taskcomm.web.house import House
+
+log = logging.getLogger("taskcomm")
+
+
+class Room:
+    """A participant's way through the study. What is done is in the session log; nothing else is remembered.
+
+    It is the audience of the trial that runs in it.
+    """
+
+    def __init__(self, house: "House", participant: Participant) -> None:
+        self.house, self.participant = house, participant
+        self.pages: tuple[PageSpec, ...] = pages(house.design, house.folder.texts, participant)
+        self.session = house.folder.session_of(participant.id)
+        self.client: Client | None = None
+        self.run: TrialRun | None = None
+        self.writer: TrialWriter | None = None  # of the last trial, for the ratings that follow it
+        self.index = self._lines = 0
+        self.over = self._busy = False
+        self.trouble = ""
+        self._task: asyncio.Task[None] | None = None
+        self._recall()
+
+    def _recall(self) -> None:
+        """Where the session log says that this participant is."""
+        if not self.session.exists():
+            return
+        torn = torn_end(self.session)
+        if torn:
+            self.house.note("torn", file=self.session.name, bytes=len(torn))
+        for text in self.session.read_bytes().splitlines():
+            line = msgspec.json.decode(text)
+            self._lines += 1
+            self.index = line["page"] + 1
+            self.over = self.over or line["values"].get("agreed") is False
+
+    @property
+    def page(self) -> PageSpec:
+        """The page that this participant is at."""
+        if self.over:
+            return declined(self.house.folder.texts)
+        return self.pages[min(self.index, len(self.pages) - 1)]
+
+    @property
+    def plan(self) -> TrialPlan | None:
+        """The trial that is next, or runs: None on pages that are about none."""
+        return self.page.trial if self.page.kind in ("card", "trial") else None
+
+    # The teacher's connection
+
+    def attach(self, client: Client) -> None:
+        """A page of this participant has connected: the newest counts."""
+        if self.client is not None:
+            self.client.send(Page(index=self.index, of=len(self.pages), kind="gone"))
+            self.client.drop(REPLACED, "opened elsewhere")
+        self.client = client
+        self.show_page()
+        if self.run is not None:
+            self.run.teacher_back()
+            client.send(self.run.current())
+        self.begin_if_ready()
+
+    def detach(self, client: Client) -> None:
+        """That connection is gone."""
+        if self.client is client:
+            self.client = None
+            if self.run is not None:
+                self.run.teacher_away()
+            self.house.refresh(self.participant.operator)
+
+    def show_page(self) -> None:
+        """Send the page that is due: while the robot is not ready, one that says to wait."""
+        if self.client is not None:
+            waits = self.page.kind == "trial" and self.run is None
+            kind: PageKind = "wait" if waits else self.page.kind
+            content = self.page.content
+            self.client.send(Page(index=self.index, of=len(self.pages), kind=kind, content=content))
+        self.house.refresh(self.participant.operator)
+
+    def press(self, client: Client, press: Press) -> None:
+        """The spacebar, at most once for each number."""
+        if press.n <= client.presses:
+            client.drop(REFUSED, "this press was sent before")
+            return
+        client.presses = press.n
+        if self.run is None:
+            return
+        done = self.run.press(n=press.n, at=press.at, **client.link.fields())
+        if done is not None:
+            self.house.acknowledge(client, done, Acknowledged(what="press", n=press.n))
+            for other in self.watchers():
+                other.send(Pressed(t=self.run.t))
+
+    async def answer(self, client: Client, answer: Answer) -> None:
+        """A page is done. Ratings are in the trial's log before the session log says so."""
+        if answer.index != self.index or self._busy or self.page.kind in ("trial", "thanks"):
+            self.show_page()
+            return
+        page = self.page
+        try:
+            values = checked(page, answer.values)
+        except AnswerError as error:
+            client.send(Problem(text=str(error)))
+            return
+        self._busy = True
+        try:
+            if page.kind == "form" and page.trial is not None:
+                await self._rate(page, values)
+            await self._done(page, values)
+            client.send(Acknowledged(what="answer", n=answer.index))
+        except OSError as error:
+            self._fail(error)
+            client.send(Problem(text=self.house.folder.texts.interface.get("problem_storage", "")))
+        finally:
+            self._busy = False
+        self.show_page()
+        self.begin_if_ready()
+
+    async def _rate(self, page: PageSpec, values: dict[str, Any]) -> None:
+        assert page.trial is not None
+        path = self.house.folder.log_of(page.trial)
+        writer = self.writer or self._writer(page.trial, path)
+        rated = {line["item"] for line in _lines_of(path, "rating")}
+        lines = [line for line in rating_lines(page, values) if line["item"] not in rated]
+        self.writer = None  # should the writing fail, it is read again
+        if lines:
+            await self.house.journal.append(path, b"".join(writer.rating(**line) for line in lines))
+
+    async def _done(self, page: PageSpec, values: dict[str, Any]) -> None:
+        """The session log says that a page is done; then it is."""
+        line = {"seq": self._lines, "type": "page", "page": self.index, "kind": page.kind, "name": page.name}
+        content = msgspec.json.encode(line | {"values": values, "utc": utc()}) + b"\n"
+        await self.house.journal.append(self.session, content)
+        self._lines += 1
+        self.index += 1
+        self.over = values.get("agreed") is False
+
+    # The trial
+
+    def begin_if_ready(self) -> None:
+        """Start the trial that is due, or go on with one that a crash cut, if everyone is there."""
+        if self.page.kind != "trial" or self._task is not None or self.over or self.client is None:
+            return
+        if self.house.operator_ready(self):
+            self._task = asyncio.create_task(self._trial(self.page))
+
+    async def _trial(self, page: PageSpec) -> None:
+        plan = page.trial
+        assert plan is not None
+        path = self.house.folder.log_of(plan)
+        try:
+            self.writer = self._writer(plan, path)
+            ended = bool(_lines_of(path, "trial_end"))
+            reason = "" if ended else await self._run(plan, path, self.writer)
+            await self._done(page, {"trial_id": plan.trial_id, "reason": reason})
+        except Exception as error:
+            self._fail(error)
+        self.run = self._task = None
+        self.house.trial_over(self)
+        self.show_page()
+
+    async def _run(self, plan: TrialPlan, path: Path, writer: TrialWriter) -> str:
+        house = self.house
+        pilot: Pilot = OperatorPilot(house.world)
+        waits_for = {"teacher"} | ({"operator"} if plan.controller == "operator" else set())
+        if plan.controller == "planner":
+            pilot = PlannerPilot(house.minds, house.robots[plan.condition])
+        run = TrialRun(
+            writer,
+            pilot,
+            lambda content: house.journal.append(path, content),
+            self,
+            house.timing,
+            frozenset(waits_for),
+        )
+        self.run = run
+        self.show_page()
+        return await run.run()
+
+    def _writer(self, plan: TrialPlan, path: Path) -> TrialWriter:
+        """Of a new trial, or of one that is on disk, without what a crash tore."""
+        if path.exists():
+            torn = torn_end(path)
+            if torn:
+                self.house.note("torn", file=path.name, bytes=len(torn))
+            content = path.read_bytes()
+            if content:
+                reader = LogReader(self.house.world)
+                reader.read_bytes(path.name, content)
+                return TrialWriter(
+                    replace(reader.trials()[0], reason=None, displayed=None), content.count(b"\n")
+                )
+        return TrialWriter(self._head(plan))
+
+    def _head(self, plan: TrialPlan) -> Trial:
+        """What the first line of a trial says."""
+        house = self.house
+        planned = plan.controller == "planner"
+        described = house.robots[plan.condition].robot().description if planned else {}
+        return Trial(
+            trial_id=plan.trial_id,
+            world=house.world,
+            task=plan.task,
+            steps=(),
+            dt=house.timing.step,
+            participant_id=plan.participant_id,
+            operator_id=plan.operator_id,
+            session=house.design.name,
+            trial_index=plan.index,
+            condition=plan.condition,
+            source=house.design.source,
+            robot_model=described.get("robot_model"),
+            planner=described.get("planner"),
+            started_utc=None if house.timing.lockstep else utc(),
+            taskcomm_version=__version__,
+        )
+
+    def _fail(self, error: Exception) -> None:
+        """Nothing goes on in this room until the server is started again; what was acknowledged is there."""
+        self.trouble = f"{type(error).__name__}: {error}"
+        log.error("%s: stopped: %s", self.participant.id, self.trouble)
+        self.house.note("stopped", participant=self.participant.id, reason=self.trouble)
+
+    # The audience of the trial
+
+    def watchers(self) -> list[Client]:
+        """Who sees this trial beside the teacher: its operator, and admins who watch."""
+        return self.house.watchers(self)
+
+    def show(self, frame: Frame) -> None:
+        """To everyone who sees this trial."""
+        for client in (*([self.client] if self.client else []), *self.watchers()):
+            client.send(frame)
+
+    def opened(self) -> None:
+        """To the operator: the actions of this step."""
+        self.house.offer(self)
+
+    def saved(self, seq: int) -> None:
+        """To admins: lines are on disk."""
+        if self.writer is not None:
+            self.house.to_admins(Saved(trial=self.writer.head.trial_id, seq=seq))
+
+    def status(self) -> dict[str, Any]:
+        """A line of the admin's table."""
+        run, plan, link = self.run, self.plan, self.client.link if self.client else None
+        steps = run.writer.steps if run is not None else []
+        return {
+            "participant": self.participant.id,
+            "page": self.index,
+            "of": len(self.pages),
+            "kind": self.page.kind,
+            "trial": plan.trial_id if plan else None,
+            "condition": plan.condition if plan else None,
+            "connected": self.client is not None,
+            "operator": self.participant.operator,
+            "state": self.trouble or (run.mode if run else ""),
+            "t": run.t if run else None,
+            "late_ms": max(run.clock.late, default=None) if run else None,
+            "rtt_ms": link.best[0] if link and link.best else None,
+            "lost": sum(step.pressed is None for step in steps),
+            "defaults": run.defaults if run else 0,
+        }
+
+
+def _lines_of(path: Path, kind: str) -> list[dict[str, Any]]:
+    """The lines of one type in a trial's log."""
+    if not path.exists():
+        return []
+    lines = [msgspec.json.decode(text) for text in path.read_bytes().splitlines()]
+    return [line for line in lines if line["type"] == kind]
