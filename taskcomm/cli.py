@@ -293,6 +293,14 @@ def replay(
         ),
     ] = None,
     horizon: Horizon = 5,
+    verify: Annotated[
+        bool,
+        typer.Option(
+            "--verify",
+            help="Instead, run world and planner again and name the first step that differs from the log:"
+            " of all trials, or the one named; exit code 1 where one differs.",
+        ),
+    ] = False,
     seed: Seed = 0,
     json: Json = False,
 ) -> None:
@@ -301,6 +309,12 @@ def replay(
     With --explain, also the plan behind one decision; its drawing and its numbers go beside the figure.
     """
     settings = dict(locals())
+    if settings.pop("verify"):
+        if out is not None or explain is not None:
+            raise typer.BadParameter("goes with neither --out nor --explain", param_hint="--verify")
+        from taskcomm.commands import verify as verification
+
+        raise typer.Exit(verification.run(log=log, model=model, trial=trial, json=json))
     from taskcomm.commands import replay as command
 
     raise typer.Exit(command.run(**settings))

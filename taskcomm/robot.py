@@ -139,6 +139,9 @@ class Robot:
             "threshold": self.threshold,
             "seed": getattr(self._planner, "seed", None),
         }
+        for setting, usual in (("gamma", 1.0), ("ties", "first")):
+            if getattr(self._planner, setting, usual) != usual:
+                planner[setting] = getattr(self._planner, setting)
         if self.deadline is not None:
             planner["deadline"] = self.deadline
         robot_model = {"name": name, "sha256": self.model.sha256}
