@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
+from taskcomm.commands.serving import serve
 from taskcomm.commands.study import study
 
 DONE, FAILED, USAGE, BAD_DATA, NOT_CONVERGED = range(5)
@@ -45,6 +46,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+app.command(epilog="Example: taskcomm serve --operator --out one-trial")(serve)
 app.add_typer(study)
 
 Logs = Annotated[list[Path], typer.Argument(help="Trial logs: files, or directories of them.", exists=True)]
@@ -323,7 +325,8 @@ def replay(
 @app.command(epilog="Example: taskcomm figures my-study --out figures")
 def figures(
     folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Folder of a study, or of trial logs; or a log.", exists=True)
+        Path,
+        typer.Argument(metavar="DIR", help="Folder of a study, or of trial logs; or a log.", exists=True),
     ],
     out: Annotated[Path, typer.Option(help="Directory for figures, numbers and captions; made if missing.")],
     model: Annotated[

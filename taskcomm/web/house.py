@@ -87,7 +87,7 @@ class House:
         """A line in the server's own log."""
         content = msgspec.json.encode({"utc": utc(), "kind": kind, **fields}) + b"\n"
         try:
-            self.journal.append(self.folder.server_log, content)
+            self.journal.append(self.folder.server_log, content).add_done_callback(_say_failure)
         except RuntimeError:  # no loop yet: what is found while starting
             with self.folder.server_log.open("ab") as file:
                 file.write(content)
@@ -294,3 +294,9 @@ class House:
         """Write what waits; end the planner's processes."""
         self.journal.close()
         self.minds.close()
+
+
+def _say_failure(done: "asyncio.Future[None]") -> None:
+    error = None if done.cancelled() else done.exception()
+    if error is not None:
+        log.error("the server's own log: %s", error)

@@ -70,6 +70,11 @@ class Room:
         """The trial that is next, or runs: None on pages that are about none."""
         return self.page.trial if self.page.kind in ("card", "trial") else None
 
+    @property
+    def finished(self) -> bool:
+        """Whether there is nothing left to do."""
+        return self.page.kind == "thanks"
+
     # The teacher's connection
 
     def attach(self, client: Client) -> None:

@@ -236,7 +236,8 @@ class TrialRun:
     def _written(self, future: "asyncio.Future[None]", seq: int) -> None:
         if future.cancelled():
             return
-        self._broken = self._broken or future.exception()
+        error = future.exception()
+        self._broken = self._broken or error
         if self._broken is None:
             self._audience.saved(seq)
 

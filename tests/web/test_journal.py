@@ -37,7 +37,7 @@ def test_lines_that_wait_together_share_one_flush(tmp_path: Path, monkeypatch: p
         if len(flushes) == 1:
             asyncio.run(asyncio.sleep(0.05))
 
-    monkeypatch.setattr(module.os, "fdatasync", slow)
+    monkeypatch.setattr(os, "fdatasync", slow)
 
     async def write() -> None:
         journal = Journal()
@@ -61,7 +61,7 @@ def test_a_write_that_fails_says_so_and_leaves_the_file_as_it_was(
             raise OSError(28, "No space left on device")
         return real(file, content)
 
-    monkeypatch.setattr(module.os, "write", full)
+    monkeypatch.setattr(os, "write", full)
 
     async def write() -> None:
         journal = Journal()
