@@ -8,7 +8,7 @@ READY := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint types layers check verify bench bench-planner bench-planner-peers bench-estep study-horizons study-coverage study-recovery study-calibration study-structure clean
+.PHONY: help setup demo browser test lint types layers check verify bench bench-planner bench-planner-peers bench-estep study-horizons study-coverage study-recovery study-calibration study-structure clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):[^#]*## */\1\t/' | expand -t 21
@@ -28,7 +28,10 @@ $(READY): pyproject.toml constraints.txt
 demo: $(READY)  ## learn a teacher from the logged trials and compare the robots: demo-results/
 	$(BIN)/taskcomm demo --out demo-results
 
-test: $(READY)  ## every test but the long ones
+browser: $(READY)  ## a Chromium for the tests of the pages: the one that is there, or Debian's
+	@.ci/browser
+
+test: $(READY) browser  ## every test but the long ones
 	$(PYTEST) -n auto --dist worksteal
 
 lint: $(READY)  ## formatting and lint
@@ -43,7 +46,7 @@ layers: $(READY)  ## who may import whom
 
 check: lint types layers test  ## lint, types, layers and tests
 
-verify: $(READY)  ## the long tests and studies, and every random law on fresh examples
+verify: $(READY) browser  ## the long tests and studies, and every random law on fresh examples
 	$(PYTEST) -n auto --dist worksteal -m 'verify or hypothesis' --hypothesis-profile verify
 
 bench: $(READY)  ## timings, each a ratio between two ways
