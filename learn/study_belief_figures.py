@@ -32,7 +32,7 @@ def recovery_figure(found: Recovery) -> StudyFigure:
     trial, at = one.trial, path.time[found.step + 1]
     right = getattr(trial.task, found.field)
     figure, (ax, strip) = figure_of(
-        2.75, 2, f"trial {trial.trial_id} ({trial.source})", sharex=True, height_ratios=[5, 1]
+        2.9, 2, f"trial {trial.trial_id} ({trial.source})", sharex=True, height_ratios=[4.5, 1]
     )
     for place, (value, column) in enumerate(path.marginal_of(found.field).items()):
         name = f"{found.field} = {value}" + (" (true)" if value == right else "")
@@ -71,6 +71,7 @@ def _held(ax: Axes, one: Believed) -> None:
         ax.broken_barh(spans, (ball - 0.4, 0.8), color=COLOURS[(ball - 1) % 7], linewidth=0)
     ax.set_ylim(len(balls) + 0.6, 0.4)
     ax.set_yticks(list(balls))
+    ax.tick_params(axis="y", labelsize=6.5)
     ax.set_ylabel("held")
 
 

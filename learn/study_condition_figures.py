@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from learn.plots import COLOURS
 from learn.study_paired import exception_sentence, paired, t_interval
@@ -79,20 +79,18 @@ def _lines(ax: Axes, left: dict[str, float], right: dict[str, float], place: int
 
 
 def _points(ax: Axes, place: int, values: Sequence[float], colour: str) -> None:
+    """A circle for each rating, larger and numbered for several teachers; beside them the mean."""
     for value, number in Counter(values).items():
-        ax.scatter(
-            [place], [value], s=14 + 16 * (number - 1), color=colour, edgecolor="0.2", linewidth=0.5, zorder=2
-        )
+        look: Any = {"color": colour, "edgecolor": "0.2", "linewidth": 0.5, "zorder": 2}
+        ax.scatter([place], [value], s=18 + 42 * np.sqrt(number - 1), **look)
         if number > 1:
-            side = -1 if place == 0 else 1
-            aside: Any = {"xytext": (side * (9 + 1.1 * number), 0), "textcoords": "offset points"}
-            look: Any = {"ha": "center", "va": "center", "fontsize": 7, "color": "0.3"}
-            ax.annotate(str(number), (place, value), **aside, **look)
-    beside = -0.36 if place == 0 else 0.36
+            middle: Any = {"ha": "center", "va": "center", "fontsize": 6.5, "color": "white"}
+            ax.text(place, value - 0.03, str(number), fontweight="bold", **middle)
     mean, (low, high) = float(np.mean(values)), t_interval(values)
-    if np.isfinite(low):
-        ax.plot([place + beside] * 2, [low, high], color="black", linewidth=1.2)
-    ax.plot([place + beside - 0.06, place + beside + 0.06], [mean] * 2, color="black", linewidth=2)
+    bars = [[mean - low], [high - mean]] if np.isfinite(low) else None
+    beside = place - 0.33 if place == 0 else place + 0.33
+    look = {"color": "black", "markersize": 4, "capsize": 3, "linewidth": 1.2, "zorder": 3}
+    ax.errorbar([beside], [mean], bars, fmt="D", **look)
 
 
 def _rating_caption(trials: Sequence[Trial], item: str, of: dict[str, dict[str, float]], phrase: str) -> str:
@@ -108,9 +106,9 @@ def _rating_caption(trials: Sequence[Trial], item: str, of: dict[str, dict[str, 
         f"Ratings of {item!r} by condition, {source_note(trials)} of"
         f" {counted(len({teacher_of(trial) for trial in trials}), 'teacher')}. Circles: ratings, with the"
         " number of"
-        " teachers beside them; each line is a teacher (thicker: more of them), dashed where the rating on"
+        " teachers in them; each line is a teacher (thicker: more of them), dashed where the rating on"
         " the right"
-        f" is higher. Black: means with Student's 95% intervals. Means: {means}. {' '.join(said)}"
+        f" is higher. Diamonds: means with Student's 95% intervals. Means: {means}. {' '.join(said)}"
     ).strip()
 
 
@@ -153,6 +151,7 @@ def time_figure(trials: Sequence[Trial]) -> StudyFigure:
         below: Any = {"clip_on": False, "transform": ax.get_xaxis_transform()}
         ax.plot(np.mean(times[name]), -0.035, marker="^", **look, **below)
     ax.set_xlim(edges[0], edges[-1])
+    ax.xaxis.set_major_locator(MultipleLocator((edges[1] - edges[0]) * max(1, -(-len(edges) // 8))))
     ax.yaxis.set_major_locator(MaxNLocator("auto", integer=True))
     ax.set_xlabel("seconds until Final (triangles: means)", labelpad=5)
     ax.tick_params(axis="x", pad=5)

@@ -132,10 +132,8 @@ def exception_sentence(found: Paired, what: str, first: str, second: str) -> str
         above, below, against = (first, found.mean_first), (second, found.mean_second), found.lower
     else:
         above, below, against = (second, found.mean_second), (first, found.mean_first), found.higher
-    who = f"All of the {found.people} teachers"
-    if against:
-        who = f"With the exception of {against}, all of the {found.people} teachers"
+    who = f"With the exception of {against} of {found.people} teachers, all" if against else "All teachers"
     return (
         f"{who} have the same or a higher {what} with {above[0]} than with {below[0]}"
-        f" (mean of {above[1]:.2f} vs. {below[1]:.2f})."
+        f" (mean of {above[1]:.2f} vs. {below[1]:.2f}, n = {found.people})."
     )

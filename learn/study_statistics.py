@@ -39,7 +39,7 @@ def measures(trials: Sequence[Trial]) -> list[Measure]:
     rated = [
         Measure(
             f"said {item}" if plain else f"rating {item}",
-            f"answer to {item!r}",
+            f"rating of {item}",
             _rating_of(item),
             share=plain,
         )

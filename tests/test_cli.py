@@ -18,7 +18,7 @@ from taskcomm.logs import read_trials
 from taskcomm.teacher import TeacherModel
 
 COMMANDS = (
-    "simulate", "fit", "population", "structure", "compare", "replay", "validate", "demo", "recover"
+    "simulate", "fit", "population", "structure", "compare", "replay", "figures", "validate", "demo", "recover"
 )  # fmt: skip
 DONE, FAILED, USAGE, BAD_DATA, NOT_CONVERGED = range(5)
 
