@@ -128,7 +128,7 @@ async def _listen(house: House, client: Client) -> None:
         except (msgspec.DecodeError, UnicodeError, KeyError):
             client.drop(REFUSED, "not a message")
             return
-        if len(text) > LONGEST or not client.within_rate():
+        if len(text) > LONGEST or not (house.timing.lockstep or client.within_rate()):
             client.drop(REFUSED, "too much")
         elif isinstance(message, Hello):
             client.drop(REFUSED, "hello was said")
