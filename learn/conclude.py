@@ -11,8 +11,9 @@ import numpy as np
 from learn.basins import endings, labels_of
 from learn.certificate import Certificate, degeneracies, kind_of, remarked, steepest_along
 from learn.coordinates import model_at, names_of, parameters_at
+from learn.joint import labels_of_emissions, slopes_of
 from learn.mstep import Objective
-from learn.optimum import TOLERANCE, Slopes, one_sided_slopes
+from learn.optimum import TOLERANCE, Slopes
 from learn.path import Path
 from learn.result import FitResult, Start
 from learn.settings import Settings
@@ -29,7 +30,7 @@ def conclude(
     space, path, states = objective.space, paths[best], list(initial.approvals)
     point = settle(objective, path.point)
     vector, names = space.vector(point), names_of(states)
-    slopes = one_sided_slopes(objective.value, space, point)
+    slopes = slopes_of(objective, point)
     expectation = objective.expect(point)
     seen = informed(objective, vector, expectation)
     responsibilities = _responsibilities(objective, vector)
@@ -106,7 +107,7 @@ def _certified(
         search_gain=value - em_alone,
         monotone=monotone,
         steepest=slopes.steepest if math.isfinite(slopes.steepest) else None,
-        steepest_along=steepest_along(slopes, labels),
+        steepest_along=steepest_along(slopes, (*labels, *labels_of_emissions(objective))),
         tolerance=TOLERANCE,
         **remarked(marks, filled),
     )

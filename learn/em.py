@@ -12,6 +12,7 @@ from learn.coordinates import NAMES, Coordinates, parameters_at
 from learn.estep import Evidence
 from learn.exposure import FitError, expose, trials_given
 from learn.imagined import pull_of
+from learn.joint import settle_jointly
 from learn.mstep import Objective
 from learn.observing import Observing, with_channels
 from learn.optimum import COARSE, across_breakpoints, climb_smoothly, polish, recombine
@@ -105,6 +106,7 @@ def fit(
         paths[best].move(objective, paths[int(ends.argmax())].point)
         others = [path.point for path in paths]
         _search(objective, paths[best], others, settings, rng)
+        settle_jointly(objective, paths[best], rng)
     tell(total - 1, total)
     result = conclude(initial, objective, paths, best, settings)
     tell(total, total)

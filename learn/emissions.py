@@ -11,24 +11,23 @@ import numpy as np
 
 from learn.without_jit import without_jit
 from taskcomm.channels import NONE, Channel, NormalChannel, PlainChannel, TargetChannel
-from taskcomm.lattice import Floats
+from taskcomm.lattice import Floats, Ints
 
 PSEUDOCOUNT = 0.5  # of every value in every mental state: Jeffreys' prior
 PSEUDO_SPREAD = 1.0  # one observation that lies at the overall standard deviation
 
 
-def categorical(values: Sequence[str], seen: Sequence[str], weight: Floats) -> dict[str, float]:
-    """P(value) from values `seen`, weighted: (weight of the value + PSEUDOCOUNT) over their sum.
+def categorical(values: Sequence[str], seen: Ints, weight: Floats) -> dict[str, float]:
+    """P(value) from values `seen`, as places among `values`, weighted: (weight of the value + PSEUDOCOUNT)
+    over their sum.
 
-    >>> categorical(["a", "b"], ["a", "a", "b"], np.array([1.0, 1.0, 1.0]))
+    >>> categorical(["a", "b"], np.array([0, 0, 1]), np.array([1.0, 1.0, 1.0]))
     {'a': 0.625, 'b': 0.375}
     """
     torch, Categorical, _ = _pomegranate()
     even = torch.full((1, len(values)), 1 / len(values), dtype=torch.float64)
     distribution = Categorical(even, pseudocount=PSEUDOCOUNT, check_data=False)
-    codes, place = np.unique(
-        np.array([values.index(value) for value in seen], dtype=np.int64), return_inverse=True
-    )
+    codes, place = np.unique(seen, return_inverse=True)
     if len(codes):
         summed = np.bincount(place, weight)
         distribution.summarize(torch.tensor(codes)[:, None], sample_weight=torch.tensor(summed)[:, None])

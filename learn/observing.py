@@ -55,7 +55,16 @@ def with_channels(
         raise FitError(f"observe: {error}") from None
 
 
-class _Numbers(NamedTuple):
+class Counted(NamedTuple):
+    """A discrete channel over the steps of all units: the values (roles, of a target) that something in the
+    world may have, the steps where there is one, and which, as places among the `names`."""
+
+    names: tuple[str, ...]
+    rows: Ints
+    code: Ints
+
+
+class Numbers(NamedTuple):
     """A continuous channel over the steps of all units: where it has a value, the values, the roles of what
     they are about (None without a target), and their standard deviation."""
 
@@ -68,7 +77,8 @@ class _Numbers(NamedTuple):
 class Observing:
     """The observation model of a fit: where it stands, its M-step, its weights in the lattice.
 
-    `learned` names its parts that move: "miss", "false_press", or channels.
+    `learned` names its parts that move: "miss", "false_press", or channels; `counted` and `numbers` are what
+    the steps show of the channels.
     """
 
     def __init__(
@@ -101,7 +111,10 @@ class Observing:
         self._rows = starts[unit_of_layer] + lattice.layer_press
         self._silent = np.ones(int(starts[-1]), dtype=np.bool_)
         self._silent[self._rows[self._layers]] = False
-        self._numbers = self._measured(trials, order)
+        self.numbers = self._measured(trials, order)
+        self.counted = {
+            name: self._counted(name) for name in self.learned if name in self.observation.discrete
+        }
         # What is not the observation model's: labels, which bar states whatever the observation.
         self._barred = np.zeros((int(starts[-1]), lattice.event.shape[1]), dtype=np.bool_)
         events = lattice.event_log[self._layers]
@@ -110,7 +123,7 @@ class Observing:
         )
         self.set(model.observation)
 
-    def _measured(self, trials: Sequence[Trial], order: Ints) -> dict[str, _Numbers]:
+    def _measured(self, trials: Sequence[Trial], order: Ints) -> dict[str, Numbers]:
         """The numbers of every continuous channel, over the steps of all units."""
         result = {}
         for name, channel in self.observation.continuous.items():
@@ -132,7 +145,7 @@ class Observing:
                 )  # as for the belief, numbers about others say nothing
                 rows, roles = rows[measured], roles[measured]
             overall = (float(values[rows].std()) if len(rows) else 0.0) or 1.0
-            result[name] = _Numbers(rows, values[rows], roles, overall)
+            result[name] = Numbers(rows, values[rows], roles, overall)
         return result
 
     def _logs(self) -> Floats:
@@ -142,9 +155,9 @@ class Observing:
         observer = Observer(self.world, replace(self.base, observation=discrete))
         logs = np.array([observer.log_weights(pressed, dict(signals)) for pressed, signals in self._patterns])
         result = logs[self._pattern, self._task]
-        if self._numbers:
+        if self.numbers:
             from scipy.stats import norm
-        for name, (rows, values, roles, _) in self._numbers.items():
+        for name, (rows, values, roles, _) in self.numbers.items():
             channel = seen.continuous[name]
             for k, state in enumerate(states):
                 mean, sd = channel.mean[state], channel.sd[state]
@@ -173,7 +186,7 @@ class Observing:
                 p = getattr(seen, name)
                 total += emissions.PSEUDOCOUNT * (math.log(p) + math.log1p(-p))
             else:
-                overall = self._numbers[name].overall if name in self._numbers else 1.0
+                overall = self.numbers[name].overall if name in self.numbers else 1.0
                 total += emissions.log_prior(seen.channels[name], overall)
         return total
 
@@ -206,43 +219,52 @@ class Observing:
         key = {name: self._error(name, weight) for name in KEY if name in self.learned}
         self.set(replace(seen, channels=channels, **key))
 
-    def _error(self, name: str, weight: Floats) -> float:
-        """Weight of the steps in which the key erred in this way, over those in which it could have."""
+    def errors(self, name: str, weight: Floats) -> tuple[float, float]:
+        """Weight of the steps in which the key erred in this way, and of those in which it could have."""
         pressed = np.array([{None: math.nan}.get(key, float(key or 0)) for key, _ in self._patterns])[
             self._pattern
         ]
         could = weight[:, 1:].sum(axis=1) if name == "miss" else weight[:, WAITING]
         erred = pressed == (0.0 if name == "miss" else 1.0)
-        counts = float(could[erred].sum()), float(could[~np.isnan(pressed)].sum())
-        return (counts[0] + emissions.PSEUDOCOUNT) / (counts[1] + 2 * emissions.PSEUDOCOUNT)
+        return float(could[erred].sum()), float(could[~np.isnan(pressed)].sum())
+
+    def _error(self, name: str, weight: Floats) -> float:
+        erred, could = self.errors(name, weight)
+        return (erred + emissions.PSEUDOCOUNT) / (could + 2 * emissions.PSEUDOCOUNT)
 
     def _roles(self) -> list[dict[str, str]]:
         told: Any = self.world.roles  # type: ignore[attr-defined]
         return [{**told(task), NONE: NONE} for task in self.world.tasks]
 
-    def _channel(self, name: str, weight: Floats) -> Any:
-        channel, states = self.observation.channels[name], self.base.mental_states
-        if isinstance(channel, NormalChannel):
-            return self._normal(channel, self._numbers[name], weight)
+    def _counted(self, name: str) -> Counted:
+        channel = self.observation.channels[name]
         values = [dict(signals).get(name) for _, signals in self._patterns]
         there = np.array([value is not None for value in values])[self._pattern]
         rows = np.flatnonzero(there)
         seen = [str(values[code]) for code in self._pattern[rows]]
-        names, missing = list(channel.values if isinstance(channel, PlainChannel) else channel.roles), []
+        names = channel.values if isinstance(channel, PlainChannel) else channel.roles
         if isinstance(channel, TargetChannel):
             roles = self._roles()
             seen = [roles[task][value] for task, value in zip(self._task[rows], seen, strict=True)]
             there_is = {role for by_value in roles for role in by_value.values()}
-            missing = [role for role in names if role not in there_is]  # nothing bears on them: they stay
+            names = tuple(role for role in names if role in there_is)  # nothing bears on others: they stay
+        place = {value: code for code, value in enumerate(names)}
+        return Counted(names, rows, np.array([place[value] for value in seen], dtype=np.int64))
+
+    def _channel(self, name: str, weight: Floats) -> Any:
+        channel, states = self.observation.channels[name], self.base.mental_states
+        if isinstance(channel, NormalChannel):
+            return self._normal(channel, self.numbers[name], weight)
+        names, rows, code = self.counted[name]
         table = {}
         for k, state in enumerate(states):
-            row = {role: channel.table[state][role] for role in missing}
-            left = 1.0 - sum(row.values())
-            found = emissions.categorical([name for name in names if name not in row], seen, weight[rows, k])
-            table[state] = row | {name: left * p for name, p in found.items()}
+            row = dict(channel.table[state])
+            left = sum(row[value] for value in names)
+            found = emissions.categorical(names, code, weight[rows, k])
+            table[state] = row | {value: left * p for value, p in found.items()}
         return type(channel)(table)
 
-    def _normal(self, channel: NormalChannel, numbers: _Numbers, weight: Floats) -> NormalChannel:
+    def _normal(self, channel: NormalChannel, numbers: Numbers, weight: Floats) -> NormalChannel:
         rows, values, roles, overall = numbers
         mean: dict[str, Any] = {}
         sd: dict[str, Any] = {}

@@ -54,6 +54,12 @@ class Path:
                 objective.observing.learn(expectation)
                 self.observation = objective.observing.observation
 
+    def stand(self, objective: Objective, point: Floats) -> None:
+        """Go to `point` and to where the objective's observation model stands."""
+        assert objective.observing is not None
+        self.point, self.observation = point, objective.observing.observation
+        self.values.append(objective.value(point))
+
     def move(self, objective: Objective, point: Floats) -> float:
         """Go to `point` if the objective is higher there; the gain."""
         value = objective.value(point)
