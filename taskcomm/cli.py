@@ -509,6 +509,10 @@ def _code_of(error: Exception) -> int | None:
         from learn import FitError
 
         bad_data = (*bad_data, FitError)
+    if "taskcomm.web.study.reading" in sys.modules:
+        from taskcomm.web.study.reading import StudyError
+
+        bad_data = (*bad_data, StudyError)
     if isinstance(error, bad_data):
         return BAD_DATA
     return FAILED if isinstance(error, OSError | MemoryError) else None

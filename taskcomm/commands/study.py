@@ -1,4 +1,4 @@
-"""`taskcomm study ...`: parse and call. Loaded with the command line, so it imports nothing that takes time."""
+"""`taskcomm study ...`: parse and call. It loads with the command line, so imports nothing that takes time."""
 
 from pathlib import Path
 from typing import Annotated
@@ -34,6 +34,12 @@ def new(
         list[Path] | None,
         typer.Option(
             "--model", help="Model file that the design names; repeatable.", exists=True, dir_okay=False
+        ),
+    ] = None,
+    texts: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of words (en.toml, ...), over those shipped.", exists=True, file_okay=False
         ),
     ] = None,
     teachers: Annotated[int | None, typer.Option(min=1, help="Teachers, instead of the design's.")] = None,

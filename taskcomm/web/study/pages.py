@@ -48,10 +48,9 @@ def _pages(design: Design, texts: Texts, participant: Participant) -> Iterator[P
     yield PageSpec("thanks", "thanks", _text(texts.thanks, places), problems)
 
 
-def declined(design: Design, texts: Texts) -> PageSpec:
+def declined(texts: Texts) -> PageSpec:
     """The last page of who does not consent, shown in place of all that would follow."""
-    content = _text(texts.declined, _places(design, len(design.conditions)))
-    return PageSpec("thanks", "declined", content, texts.problems)
+    return PageSpec("thanks", "declined", _text(texts.declined, {}), texts.problems)
 
 
 def _places(design: Design, trials: int) -> dict[str, object]:

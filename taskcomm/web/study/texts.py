@@ -15,7 +15,7 @@ from taskcomm.web.study.structure import Design, Item
 SHIPPED = ("en", "de")
 OF_DESIGN = {"title", "balls", "distances", "trials", "minutes"}
 # What may be filled in, beside what the shipped words of the same key have.
-PLACES = dict.fromkeys(("consent", "declined", "instructions", "after_practice", "thanks"), OF_DESIGN)
+PLACES = dict.fromkeys(("consent", "instructions", "after_practice", "thanks"), OF_DESIGN)
 PLACES |= {"items": {"card"}}
 
 Words = Annotated[str, Meta(min_length=1, max_length=4000)]

@@ -44,14 +44,14 @@ def _value(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def amended(text: str, where: str, **changes: Any) -> tuple[Design, str]:
-    """The design of `text` with the keys changed that are not None, and its text, comments kept if possible.
+def amended(text: str, where: str, **changes: Any) -> str:
+    """The text of a design with the keys changed that are not None; comments are kept if possible.
 
     With another number of teachers a pool of everybody, and the draw from it, go along.
     """
     design, wanted = parsed(text, where), {key: value for key, value in changes.items() if value is not None}
     if not wanted:
-        return design, text
+        return text
     operators = design.operators
     if operators is not None and "teachers" in wanted and not isinstance(operators.pool, tuple):
         wanted["operators"] = Operators(draw=min(operators.draw, wanted["teachers"]))
@@ -64,11 +64,10 @@ def amended(text: str, where: str, **changes: Any) -> tuple[Design, str]:
         text = re.sub(r"(?m)^draw\s*=\s*\d+", f"draw = {wanted['operators'].draw}", text)
     try:
         if parsed(text, where) == changed:
-            return changed, text
+            return text
     except DesignError:
         pass
-    text = toml_of(changed)
-    return parsed(text, where), text
+    return toml_of(changed)
 
 
 def _set(text: str, key: str, value: Any) -> str:
