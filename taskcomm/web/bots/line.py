@@ -11,7 +11,7 @@ from websockets.typing import Origin
 
 from taskcomm.web.protocol import Act, Answer, FromClient, Hello, Ping, Pong, Press, ToAny, ToClient, Welcome
 
-POLICY = 1008  # the code with which a server shuts out who broke its rules
+SHUT_OUT = range(4000, 5000)  # codes of a server that wants no more of us
 _decoder = msgspec.json.Decoder(ToAny)
 _encoder = msgspec.json.Encoder()
 
@@ -73,7 +73,7 @@ class Line:
                 for task in self._later:
                     task.cancel()
                 await socket.close()
-            if socket.close_code == POLICY:
+            if socket.close_code in SHUT_OUT:
                 raise LineError(f"{self.address}: the server closed the line: {socket.close_reason}")
 
     async def send(self, message: FromClient) -> bool:
@@ -118,4 +118,4 @@ class Line:
                     reason = f"nobody answered for {self.patience:g} s"
                     raise LineError(f"{self.address}: {reason}: {error}") from None
             await asyncio.sleep(waiting)
-            waiting = min(1.0, 1.5 * waiting)
+            waiting = min(0.5, 1.5 * waiting)

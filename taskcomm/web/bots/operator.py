@@ -23,11 +23,14 @@ class OperatorBot:
 
     def __init__(self, line: Line, step: float, seed: Sequence[int]) -> None:
         self.line, self.step, self.seed = line, step, tuple(seed)
-        self.controlled = 0  # trials
         self.problems: list[str] = []
         self._seat = Seat(state="idle", participant="")
         self._script: ScriptedOperator | None = None
-        self._lockstep = False
+        self._lockstep = self._started = False
+        self._heard = -1  # presses up to this step are known to the script
+        self._presses: set[int] = set()
+        self._asked: deque[str] = deque()
+        self._carried_out: list[tuple[str, int]] = []
         self._rng = np.random.default_rng([*self.seed, 0])
 
     async def run(self) -> None:
@@ -47,43 +50,38 @@ class OperatorBot:
                         self.problems.append(message.text)
 
     async def _sit(self, seat: Seat) -> None:
-        new = (seat.state, seat.participant) != (self._seat.state, self._seat.participant)
-        if new and seat.state != "control":
-            self._script = None
         self._seat = seat
         if seat.state == "ask":
             await self.line.send(Ready())
 
     def _begin(self, frame: Frame) -> None:
-        self.controlled += 1
         self._script = ScriptedOperator(world_of(frame), self.step, reaction=1.0 + self.step)
         key = [int.from_bytes(self._seat.participant.encode(), "big"), *self.seed]
         self._script.reset(np.random.default_rng(key))
-        self._presses: set[int] = set()
-        self._heard = self._at = -1
-        self._asked: deque[tuple[str, int]] = deque()
-        self._carried_out: list[tuple[str, int]] = []
-        self._started = False
+        self._presses.clear()
+        self._asked.clear()
+        self._carried_out.clear()
+        self._heard, self._started = -1, False
 
     async def _watch(self, frame: Frame) -> None:
         if self._seat.state != "control" or frame.state != "run" or frame.t < 0:
             return
-        if self._script is None:
+        if self._script is None or frame.t == 0:
             self._begin(frame)
         self._reconcile(frame)
         if not self._asked:
             self._decide(frame.t)
         if self._asked:
-            await self._act(frame.t, self._asked[0][0])
+            await self._act(frame.t, self._asked[0])
         if self._lockstep:
             await self.line.send(Done(t=frame.t))
 
     def _reconcile(self, frame: Frame) -> None:
         """Strike off what was carried out in this step; what was undone by a crash is asked for again."""
         while self._carried_out and self._carried_out[-1][1] >= frame.t:
-            self._asked.appendleft(self._carried_out.pop())
-        if self._asked and frame.action == self._asked[0][0]:
-            self._carried_out.append((self._asked.popleft()[0], frame.t))
+            self._asked.appendleft(self._carried_out.pop()[0])
+        if self._asked and frame.action == self._asked[0]:
+            self._carried_out.append((self._asked.popleft(), frame.t))
 
     def _decide(self, t: int) -> None:
         assert self._script is not None
@@ -92,9 +90,9 @@ class OperatorBot:
         action = self._script.act(pressed if self._started else None)
         self._started = True
         if isinstance(action, Final):
-            self._asked.append(("final", t))
+            self._asked.append("final")
         elif action != NOA:
-            self._asked.append((str(action), t))
+            self._asked.append(str(action))
 
     async def _act(self, t: int, action: str) -> None:
         message = Act(t=t, action=action, at=now_ms())
