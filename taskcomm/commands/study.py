@@ -1,4 +1,4 @@
-"""`taskcomm study ...`: parse and call. It loads with the command line, so imports nothing that takes time."""
+"""`taskcomm study ...`: parse and call. It loads with the command line: no import here may take time."""
 
 from pathlib import Path
 from typing import Annotated
