@@ -174,12 +174,12 @@ class House:
         """Replays and labels: read and computed off the event loop."""
         from taskcomm.web import replaying
 
-        blind = client.role != "admin"
+        annotator = None if client.role == "admin" else client.name
         try:
             if isinstance(message, Listing):
-                client.send(await asyncio.to_thread(replaying.trials, self.folder, blind))
+                client.send(await asyncio.to_thread(replaying.trials, self.folder, annotator))
             elif isinstance(message, Open):
-                asked = message.trial, message.model, blind
+                asked = message.trial, message.model, annotator
                 client.send(await asyncio.to_thread(replaying.opened, self.folder, *asked))
             elif isinstance(message, Label):
                 await self._label(client, message)

@@ -65,7 +65,7 @@ class Answer(FromClient, tag="answer"):
 class Act(FromClient, tag="act"):
     """Operator: `action` as it prints (`light_on(1)`), or `final`, for the step after `t`, which is shown."""
 
-    t: Natural
+    t: Annotated[int, Meta(ge=-1, le=2**53)]
     action: Name
     at: Moment = 0.0
 
@@ -233,16 +233,18 @@ class Status(ToClient, tag="status"):
 
 
 class Trials(ToClient, tag="trials"):
-    """Admin or annotator: [{trial, participant, index, condition, reason, steps, presses, labelled}].
-    An annotator's has no condition."""
+    """Admin or annotator: [{trial, participant, index, steps, presses, source, labelled}], to an admin also
+    condition, reason, correct, lost, defaults, or instead of all of them a `problem` of the log."""
 
     trials: list[dict[str, Any]]
     models: list[str]
 
 
 class Replay(ToClient, tag="replay"):
-    """A logged trial: frames as above, presses [{t, seq, label}], and for an admin the belief path and
-    the smoothed reasons; for an annotator the card, and no belief."""
+    """A logged trial: its frames; presses [{t, seq, label}], to an admin with labels by annotator and the
+    state noted in a simulated log; `states` that a label may name. Only to an admin: `belief` as the replay
+    gives it (time, entropy, marginals, model), `reasons` [{at_once, at_end}] by press, and `about` the trial.
+    """
 
     trial: str
     dt: float
@@ -250,7 +252,10 @@ class Replay(ToClient, tag="replay"):
     presses: list[dict[str, Any]]
     card: list[int]
     belief: dict[str, Any] | None
-    reasons: list[dict[str, float]] | None
+    reasons: list[dict[str, Any]] | None
+    source: str = "human"
+    states: list[str] = []
+    about: dict[str, Any] = {}
 
 
 class Problem(ToClient, tag="problem"):

@@ -1,0 +1,261 @@
+"""Logged trials to look at again: the list, a trial under a model, labels of presses.
+
+What a client names (a trial, a model) is looked up among the files of the study, never made a path. Whoever
+reads is an admin (None) or an annotator, by id: an annotator sees no belief, condition or controller, and of
+the labels only their own. Everything here reads files and computes; the server does it off its event loop.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Protocol
+
+import msgspec
+
+from taskcomm.loglines import decode
+from taskcomm.logreader import LogReader
+from taskcomm.logwriter import TrialWriter
+from taskcomm.replay import belief_path, check_dt, press_reasons
+from taskcomm.teacher import ModelError, TeacherModel
+from taskcomm.trials import Trial
+from taskcomm.web.frames import frame
+from taskcomm.web.protocol import Frame, Label, Replay, Trials
+from taskcomm.web.trialrun import utc
+from taskcomm.world import BallState, BallWorld
+
+INTUITIVE = "intuitive"
+_DIGITS = 6  # of a probability on a page
+
+
+class ReplayError(ValueError):
+    """What cannot be shown or labelled, and why, in words for whoever asked."""
+
+
+class Folder(Protocol):
+    """Where a study keeps its trials (*.jsonl) and models (*.json)."""
+
+    @property
+    def trials_dir(self) -> Path: ...
+    @property
+    def models_dir(self) -> Path: ...
+
+
+@dataclass(frozen=True)
+class _Log:
+    """A file: its trials that can be read, and what is wrong with it, without its path."""
+
+    path: Path
+    trials: tuple[Trial, ...]
+    problem: str | None
+
+
+def trials(folder: Folder, annotator: str | None = None) -> Trials:
+    """The trials that can be opened; to an admin also the logs that cannot be read, and why."""
+    rows = []
+    for log in _logs(folder):
+        rows += [_row(trial, annotator) for trial in log.trials if annotator is None or trial.reason]
+        if log.problem is not None and annotator is None:
+            rows.append({"trial": log.path.stem, "problem": log.problem})
+    return Trials(trials=rows, models=list(_model_files(folder)) if annotator is None else [])
+
+
+def _row(trial: Trial, annotator: str | None) -> dict[str, Any]:
+    row = {
+        "trial": trial.trial_id,
+        "participant": trial.participant_id,
+        "index": trial.trial_index,
+        "steps": trial.num_steps,
+        "presses": int(trial.presses.sum()),
+        "source": trial.source,
+    }
+    if annotator is not None:
+        return row | {"labelled": sum(annotator in said for said in trial.labelled.values())}
+    return row | {
+        "labelled": len(trial.labelled),
+        "condition": trial.condition,
+        "reason": trial.reason,
+        "correct": trial.correct,
+        "lost": int((~trial.recorded).sum()),
+        "defaults": sum(step.action_source == "default" for step in trial.steps),
+    }
+
+
+def opened(folder: Folder, trial_id: str, model: str | None = None, annotator: str | None = None) -> Replay:
+    """A trial to be shown: to an admin with the belief under `model` and the reasons of its presses.
+
+    Without a `model`, it is the robot's own, where the folder has it, else the intuitive one. Raises
+    ReplayError for a trial or a model that is not there, and ModelError for a model that does not fit.
+    """
+    trial, path = _found(folder, trial_id, annotator)
+    if not isinstance(trial.world, BallWorld):
+        raise ReplayError(f"trial {trial_id} is of another world; only ball worlds can be shown")
+    seqs, _ = _places(path, trial_id)
+    shown = Replay(
+        trial=trial_id,
+        dt=trial.dt,
+        frames=[msgspec.to_builtins(each) for each in _frames(trial)],
+        presses=_presses(trial, seqs, annotator),
+        card=list(trial.task) if trial.task else [],
+        belief=None,
+        reasons=None,
+        source=trial.source,
+        states=states(folder),
+    )
+    if annotator is not None:
+        return shown
+    name, known = _model(folder, model, trial)
+    return _believed(shown, trial, name, known)
+
+
+def _frames(trial: Trial) -> Iterator[Frame]:
+    """The world before the first step, during each, and with Final where it was shown."""
+    world = trial.world
+    assert isinstance(world, BallWorld)
+    last = frame(world, world.start(), -1)
+    yield last
+    for t, (step, state) in enumerate(zip(trial.steps, trial.states, strict=True)):
+        assert isinstance(state, BallState)
+        last = frame(world, state, t, step.action)
+        yield last
+    if trial.displayed is not None:
+        ended: dict[str, Any] = {"t": trial.num_steps, "state": "over", "action": "final", "slid": []}
+        yield msgspec.structs.replace(last, final=list(trial.displayed), **ended)
+
+
+def _presses(trial: Trial, seqs: list[int], annotator: str | None) -> list[dict[str, Any]]:
+    found = []
+    for t, step in enumerate(trial.steps):
+        if step.pressed:
+            said = trial.labelled.get(t, {})
+            press: dict[str, Any] = {"t": t, "seq": seqs[t], "label": said.get(annotator)}
+            if annotator is None:
+                press["labels"] = {name or "unnamed": state for name, state in said.items()}
+                press["label"] = trial.reasons.get(t) if said else None
+                press["noted"] = step.mental_state
+            found.append(press)
+    return found
+
+
+def _believed(shown: Replay, trial: Trial, name: str, model: TeacherModel) -> Replay:
+    """With the belief of a robot that has `model`, the reasons, and the numbers that go with them."""
+    path = belief_path(trial, model)
+    belief = _rounded(path.to_json()) | {"model": name, "robot": dict(trial.robot_model or {})}
+    notes = []
+    try:
+        reasons = [_rounded(reason.to_json()) for reason in press_reasons(trial, model)]
+    except ValueError as error:  # too many presses, or impossible ones
+        reasons = []
+        notes.append(f"The reasons of presses cannot be computed: {error}")
+    about = _row(trial, None) | {"operator": trial.operator_id, "notes": notes}
+    about["displayed"] = list(trial.displayed) if trial.displayed else []
+    return msgspec.structs.replace(shown, belief=belief, reasons=reasons, about=about)
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, float):
+        return round(value, _DIGITS)
+    if isinstance(value, dict):
+        return {key: _rounded(each) for key, each in value.items()}
+    return [_rounded(each) for each in value] if isinstance(value, list) else value
+
+
+def states(folder: Folder) -> list[str]:
+    """The mental states that may be behind a press: those of all models, but waiting."""
+    known = [TeacherModel.intuitive(), *(model for model in _models(folder).values() if model is not None)]
+    return list(
+        dict.fromkeys(state for model in known for state in model.mental_states if state != "waiting")
+    )
+
+
+def label_line(folder: Folder, label: Label, annotator: str) -> tuple[Path, bytes]:
+    """The log that a label belongs into, and its line.
+
+    The line takes the next place in the log as it is on disk: nothing else may be on its way there. Raises
+    ReplayError for a trial that is not there or not over, a line that is no step with a press, or a mental
+    state that no model has.
+    """
+    trial, path = _found(folder, label.trial, annotator)
+    if label.mental_state not in states(folder):
+        raise ReplayError(f"{label.mental_state!r} is no reason of a press: {', '.join(states(folder))}")
+    seqs, following = _places(path, label.trial)
+    pressed = {seq for seq, step in zip(seqs, trial.steps, strict=True) if step.pressed}
+    if label.press_seq not in pressed:
+        raise ReplayError(f"line {label.press_seq} of trial {label.trial} is no step with a press")
+    writer = TrialWriter(trial, following)
+    return path, writer.label(label.press_seq, label.mental_state, annotator, utc=utc())
+
+
+def _places(path: Path, trial_id: str) -> tuple[list[int], int]:
+    """The `seq` of each step of a trial in its file, and the next one that is free."""
+    content = path.read_bytes()
+    if not content.endswith(b"\n"):
+        raise ReplayError("the last line of this log is torn; it is mended when the study is served again")
+    lines = [line for line in map(decode, content.splitlines()) if line.get("trial_id") == trial_id]
+    return [line["seq"] for line in lines if line["type"] == "step"], lines[-1]["seq"] + 1
+
+
+def _found(folder: Folder, trial_id: str, annotator: str | None) -> tuple[Trial, Path]:
+    """A trial that `annotator` may see, and its file."""
+    for log in _logs(folder):
+        for trial in log.trials:
+            if trial.trial_id == trial_id:
+                if annotator is not None and trial.reason is None:
+                    raise ReplayError(f"trial {trial_id} is not over")
+                return trial, log.path
+        if log.problem is not None and log.path.stem == trial_id:
+            raise ReplayError(f"the log of trial {trial_id} cannot be read: {log.problem}")
+    raise ReplayError(f"there is no trial {trial_id!r}")
+
+
+def _logs(folder: Folder) -> Iterator[_Log]:
+    if folder.trials_dir.is_dir():
+        for path in sorted(folder.trials_dir.glob("*.jsonl")):
+            about = path.stat()
+            yield _read(path, about.st_mtime_ns, about.st_size)
+
+
+@lru_cache(maxsize=512)
+def _read(path: Path, changed: int, size: int) -> _Log:
+    reader = LogReader(strict=False)
+    reader.read(path)
+    first = next(iter(reader.problems), None)
+    at = "" if first is None or first.line is None else f"line {first.line}: "
+    return _Log(path, tuple(reader.trials()), None if first is None else at + first.reason)
+
+
+def _model_files(folder: Folder) -> dict[str, Path | None]:
+    """By name: the intuitive model (no file), then those of the folder."""
+    files = sorted(folder.models_dir.glob("*.json")) if folder.models_dir.is_dir() else []
+    return {INTUITIVE: None} | {path.stem: path for path in files if path.stem != INTUITIVE}
+
+
+def _models(folder: Folder) -> dict[str, TeacherModel | None]:
+    """By name; None for a file that cannot be read."""
+    found: dict[str, TeacherModel | None] = {}
+    for name, path in _model_files(folder).items():
+        try:
+            found[name] = _loaded(name, path)
+        except ReplayError:
+            found[name] = None
+    return found
+
+
+def _loaded(name: str, path: Path | None) -> TeacherModel:
+    try:
+        return TeacherModel.intuitive() if path is None else TeacherModel.from_json(path.read_bytes())
+    except (ModelError, OSError) as error:
+        raise ReplayError(f"the model {name} cannot be read: {error}") from None
+
+
+def _model(folder: Folder, name: str | None, trial: Trial) -> tuple[str, TeacherModel]:
+    if name is None:
+        own = (trial.robot_model or {}).get("sha256")
+        known = _models(folder)
+        name = next((each for each, model in known.items() if model and model.sha256 == own), INTUITIVE)
+    files = _model_files(folder)
+    if name not in files:
+        raise ReplayError(f"there is no model {name!r}; there are {', '.join(files)}")
+    model = _loaded(name, files[name])
+    check_dt(trial, model)
+    return name, model
