@@ -5,12 +5,14 @@ from typing import Any, Literal, NamedTuple
 from learn.intervals import ParameterInterval
 
 Verdict = Literal["informed", "weak", "none", "given"]
+AS_NONE = "as good as none"
 FEW = 5.0
 WIDE = 6.0
 IN_SECONDS = (".delay", ".hold")
 RULE = (
     f"weak: fewer than {FEW:.0f} expected presses bear on it, or its interval is open above or spans more"
-    f" than a factor of {WIDE:.0f}, or only a ratio of it is known; none: no data, it stays where it was"
+    f" than a factor of {WIDE:.0f}, or only a ratio of it is known, or it is a decay and none is as likely;"
+    " none: no data, it stays where it was"
 )
 
 
@@ -35,8 +37,9 @@ def audited(
 
     "given": not learned. "none": no step bears on it, and it keeps its starting value. "weak": fewer than
     FEW expected presses bear on it (five would leave the logarithm of a probability a standard error of
-    1 / sqrt(5), about 0.45); or only its ratio to others is known; or the interval is open above, or spans
-    more than a factor of WIDE, as that of five presses would. "informed": else.
+    1 / sqrt(5), about 0.45); or only its ratio to others is known; or a decay is as good as none; or the
+    interval is open above, or spans more than a factor of WIDE, as that of five presses would.
+    "informed": else.
 
     >>> audited("that_mov.rise", 40.0, 3.2, "").verdict
     'weak'
@@ -58,6 +61,8 @@ def audited(
 def _why_weak(parameter: str, presses: float, mark: str, interval: ParameterInterval | None) -> str:
     if mark == "ridge":
         return "only a ratio is known"
+    if mark == AS_NONE:
+        return "as likely without"
     if presses < FEW:
         return f"{presses:.1f} presses"
     if interval is None or interval.low is None or interval.high is None:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.ascent import ascend, climb_from
-from learn.candidates import Structure, beginnings
+from learn.candidates import NONE, Structure, beginnings
 from learn.coordinates import model_at, parameters_at, vector_of
 from learn.em import prepare
 from learn.exposure import trials_given
@@ -15,6 +15,7 @@ from learn.held_out import folds_of_people, person_of
 from learn.mstep import Objective
 from learn.optimum import climb_smoothly
 from learn.settings import Settings
+from learn.statistics import idle_decays
 from taskcomm.lattice import Floats
 from taskcomm.teacher import TeacherModel
 from taskcomm.trials import Trial
@@ -41,7 +42,7 @@ class Candidate:
     data too. `log_likelihood` is that of all trials at the fit to them, in nats; `held_out` (trials,) that of
     each trial at the fit without its fold, None where that was not worth finding out. `behind` is how many
     nats it was short of another structure on the first trials, where it was given up for that: then
-    `log_likelihood` is nan.
+    `log_likelihood` is nan. `idle`: it has decays, and is as likely without them, to a tenth of a nat.
     """
 
     structure: Structure
@@ -50,6 +51,7 @@ class Candidate:
     model: TeacherModel
     held_out: Floats | None = None
     behind: float | None = None
+    idle: bool = False
 
     @property
     def total(self) -> float:
@@ -119,15 +121,17 @@ class Bench:
             point, value = _across(objective, *max(climbs, key=lambda climb: climb[1]))
             self._objectives[structure] = objective, point
         vector = space.vector(point)
-        log_likelihood = value - objective.log_prior(vector)
-        return Candidate(structure, _num_free(structure, objective), log_likelihood, model_at(vector, base))
+        log_likelihood, model = value - objective.log_prior(vector), model_at(vector, base)
+        free, idle = _num_free(structure, objective), _idle(structure, objective, point)
+        return Candidate(structure, free, log_likelihood, model, idle=idle)
 
     def refit(self, candidate: Candidate, model: TeacherModel) -> Candidate:
         """The candidate at another fit to all trials."""
         objective, point = self._at(candidate.structure, model)
         value = objective.value(point) - objective.log_prior(objective.space.vector(point))
         self._objectives[candidate.structure] = objective, point
-        return replace(candidate, log_likelihood=value, model=model, held_out=None)
+        idle = _idle(candidate.structure, objective, point)
+        return replace(candidate, log_likelihood=value, model=model, held_out=None, idle=idle)
 
     def _at(self, structure: Structure, model: TeacherModel) -> tuple[Objective, Floats]:
         base = structure.imposed_on(self.initial)
@@ -202,6 +206,15 @@ def _from_aside(objective: Objective, point: Floats, rng: np.random.Generator) -
         if reached > value:
             best, value = there, reached
     return best
+
+
+def _idle(structure: Structure, objective: Objective, point: Floats) -> bool:
+    decays = [
+        idle
+        for idle, kind in zip(idle_decays(objective, point), objective.space.kinds, strict=True)
+        if kind == "decay"
+    ]
+    return structure.decay != NONE and all(decays)
 
 
 def _num_free(structure: Structure, objective: Objective) -> int:

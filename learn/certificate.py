@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from learn.audit import AS_NONE
 from learn.basins import Ending
 from learn.mstep import Objective
 from learn.optimum import TOLERANCE, Slopes
@@ -147,7 +148,7 @@ def remarked(marks: Mapping[str, str], filled: bool) -> dict[str, tuple[str, ...
     return {
         "kinks": marked("at a kink"),
         "ridges": ridges,
-        "bounds": marked("at its bound") + (("sum of the peaks",) if filled else ()),
+        "bounds": marked("at its bound") + marked(AS_NONE) + (("sum of the peaks",) if filled else ()),
         "no_data": marked("no data"),
     }
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from learn.audit import AS_NONE
 from learn.basins import endings, labels_of
 from learn.certificate import Certificate, degeneracies, kind_of, remarked, steepest_along
 from learn.coordinates import model_at, names_of, parameters_at
@@ -17,7 +18,7 @@ from learn.optimum import TOLERANCE, Slopes
 from learn.path import Path
 from learn.result import FitResult, Start
 from learn.settings import Settings
-from learn.statistics import full, informed, marks_of, remarks_of, ridges, settle
+from learn.statistics import full, idle_decays, informed, marks_of, remarks_of, ridges, settle
 from taskcomm.lattice import Floats
 from taskcomm.teacher import TeacherModel
 
@@ -34,7 +35,8 @@ def conclude(
     expectation = objective.expect(point)
     seen = informed(objective, vector, expectation)
     responsibilities = _responsibilities(objective, vector)
-    marks = marks_of(space, point, slopes, seen, ridges(objective, point), states)
+    idle = idle_decays(objective, point)
+    marks = marks_of(space, point, slopes, seen, ridges(objective, point), idle, states)
     certificate = _certified(objective, paths, best, point, slopes, marks, names, expectation.value)
     model = model_at(vector, initial)
     if objective.observing is not None:
@@ -92,7 +94,7 @@ def _certified(
         path.converged,
         slopes.steepest,
         monotone,
-        filled or "at its bound" in marks.values(),
+        filled or not {"at its bound", AS_NONE}.isdisjoint(marks.values()),
     )
     ended = endings(objective, paths, point, labels)
     return Certificate(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
+from learn.audit import AS_NONE
 from learn.bootstrap import ratio_interval
 from learn.coordinates import names_of, vector_of
 from learn.recovery import REFERENCES
@@ -73,8 +74,12 @@ def _errors(name: str, values: Sequence[float], true: float, marks: Sequence[str
     bias = ratio_interval(errors, np.ones(len(errors)))
     spread = np.quantile(errors, [0.1, 0.5, 0.9]) if len(errors) else np.full(3, math.nan)
     shares = {
-        what: float(np.mean([mark == text for mark in marks]))
-        for what, text in (("no_data", "no data"), ("at_bound", "at its bound"), ("at_kink", "at a kink"))
+        what: float(np.mean([mark in texts for mark in marks]))
+        for what, texts in {
+            "no_data": ["no data"],
+            "at_bound": ["at its bound", AS_NONE],
+            "at_kink": ["at a kink"],
+        }.items()
     }
     return {
         "studies": len(values),

@@ -70,9 +70,9 @@ class FitResult:
     states). `steps` and `presses` count, for every parameter, the expected steps and presses whose
     probability it changes (for mistake: steps in which nothing else could be the reason, and expected
     mistakes). `marks` are remarks by parameter: "no data", "fixed", "flat", "at its bound", "at a kink",
-    "ridge"; `remarks` says the same in sentences. `num_free` is how many coordinates were learned (a shared
-    parameter is one), for BIC; `free` (1 + 6 M,) which parameters. `uncertainty` is None until
-    `with_uncertainty`.
+    "ridge", of a decay "as good as none"; `remarks` says the same in sentences. `num_free` is how many
+    coordinates were learned (a shared parameter is one), for BIC; `free` (1 + 6 M,) which parameters.
+    `uncertainty` is None until `with_uncertainty`.
     """
 
     model: TeacherModel

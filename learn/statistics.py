@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from learn.audit import AS_NONE
 from learn.coordinates import LEAST_ODDS, NAMES, Coordinates, names_of, parameters_at, states_of
 from learn.estep import Expectation
 from learn.mstep import Objective
@@ -17,7 +18,7 @@ LONGER = 1e-6
 STRETCH = 1.05
 NOTHING = 1e-4  # nats; a standard error of 3.5 on the logarithm of all three
 FULL, LITTLE = 1e-3, 0.1
-SLIGHT = 0.1
+SLIGHT = 0.1  # nats
 NEARLY = 100  # times its least odds: a probability below has vanished
 
 
@@ -136,15 +137,32 @@ def ridges(objective: Objective, point: Floats) -> list[bool]:
     return result
 
 
+def idle_decays(objective: Objective, point: Floats) -> list[bool]:
+    """Whether each coordinate is a decay without which no more than SLIGHT nats would be lost."""
+    space, value = objective.space, objective.value(point)
+    result = []
+    for kind, members in zip(space.kinds, space.members, strict=True):
+        loss = math.inf
+        if kind == "decay":
+            vector = space.vector(point)
+            vector[members] = math.inf
+            without = objective.evidence.value(parameters_at(vector, objective.base))
+            loss = value - without - objective.log_prior(vector)
+        result.append(loss < SLIGHT)
+    return result
+
+
 def marks_of(
     space: Coordinates,
     point: Floats,
     slopes: Slopes,
     seen: Informed,
     ridge: Sequence[bool],
+    idle: Sequence[bool],
     states: Sequence[str],
 ) -> dict[str, str]:
-    """A remark for each natural parameter, "" where there is none."""
+    """A remark for each natural parameter, "" where there is none; `ridge` by approval state, `idle` by
+    coordinate."""
     names = names_of(states)
     marks, base = dict.fromkeys(names, ""), space.point(space.base)
     for i, name in enumerate(names):
@@ -159,6 +177,8 @@ def marks_of(
         if not seen.steps[members].any():
             same = math.isclose(point[coordinate], base[coordinate], rel_tol=1e-9, abs_tol=1e-9)
             mark = "no data" if same or coordinate == 0 else "at its bound" if at_bound else "flat"
+        elif idle[coordinate]:
+            mark = AS_NONE
         for i in members.tolist():
             marks[names[i]] = mark
     for m, state in enumerate(states):
@@ -173,6 +193,7 @@ def remarks_of(marks: Mapping[str, str], states: Sequence[str], filled: bool) ->
     sentences = {
         "at a kink": "has its best value at a kink: the likelihood falls to either side at a slope",
         "at its bound": "lies at its bound: the data would take it further, or leave it open",
+        AS_NONE: "says no more than no decay at all: without it the presses are as likely",
         "flat": "has no data where it is: nothing near it changes the likelihood",
         "no data": "has no data: no step bears on it, and it stays where it was",
     }

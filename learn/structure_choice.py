@@ -51,8 +51,12 @@ def gap(bench: Bench, candidate: Candidate, other: Candidate) -> tuple[float, fl
 
 
 def simplest_within_one_error(candidates: Sequence[Candidate], bench: Bench) -> Candidate:
-    """The fewest parameters within one standard error of the best held-out; of equals, the best."""
-    scored = [candidate for candidate in candidates if candidate.held_out is not None]
+    """The fewest parameters within one standard error of the best held-out; of equals, the best.
+
+    One with a decay that is as good as none is not chosen, where there is another.
+    """
+    every = [candidate for candidate in candidates if candidate.held_out is not None]
+    scored = [candidate for candidate in every if not candidate.idle] or every
     best = max(scored, key=lambda c: c.total)
     within = [c for c in scored if (short := gap(bench, c, best))[0] >= -short[1]]
     return min(within, key=lambda c: (c.num_free, -c.total))

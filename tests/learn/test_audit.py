@@ -1,13 +1,14 @@
 """The audit: what informs each parameter, the verdict by its rule, and that the mark stays with the model."""
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import pytest
 from taught import WORLD, by_hand, operator_trials, teacher
 
-from learn import FitResult, fit
-from learn.audit import FEW, WIDE, audited
+from learn import FitResult, fit, log_likelihood
+from learn.audit import AS_NONE, FEW, WIDE, audited
 from learn.certainty import uncertainty
 from learn.intervals import ParameterInterval
 from learn.report import parameter_table
@@ -42,6 +43,7 @@ def interval(low: float, high: float, **ends: bool) -> ParameterInterval:
         (50.0, "", interval(1.0, WIDE + 0.1), "weak"),
         (50.0, "", interval(1.0, 2.0, open_high=True), "weak"),
         (50.0, "", interval(0.5, 2.0, open_low=True), "informed"),
+        (50.0, AS_NONE, None, "weak"),
         (0.0, "no data", None, "none"),
         (50.0, "fixed", None, "given"),
     ],
@@ -132,3 +134,25 @@ def test_a_ridge_has_a_row_for_the_ratio_that_is_known() -> None:
     top = whole.model.approvals["that_mov"]
     assert row.learned == pytest.approx(top.peak / top.rise)
     assert row.interval is not None
+
+
+def test_a_decay_without_which_the_presses_are_as_likely_is_marked_and_not_called_informed() -> None:
+    found = fit(operator_trials(12, teacher()), WORLD, starts=1, decays="shared")
+    decay = found.model.approvals["that_mov"].decay
+    assert decay is not None
+    tops = {state: replace(top, decay=None) for state, top in found.model.approvals.items()}
+    without = log_likelihood(operator_trials(12, teacher()), WORLD, replace(found.model, approvals=tops))
+    assert without > found.log_likelihood - 0.1
+    verdicts = {each.parameter: each for each in found.audit}
+    for state in found.model.approvals:
+        assert found.marks[f"{state}.decay"] == AS_NONE
+        assert verdicts[f"{state}.decay"].verdict == "weak"
+        assert f"{state}.decay" in found.certificate.bounds
+    assert any("without it the presses are as likely" in remark for remark in found.remarks)
+
+
+def test_a_decay_that_the_presses_need_is_not_marked() -> None:
+    fading = teacher()
+    tops = {state: replace(top, decay=2.0) for state, top in fading.approvals.items()}
+    found = fit(operator_trials(20, replace(fading, approvals=tops)), WORLD, starts=1, decays="shared")
+    assert found.marks["that_mov.decay"] != AS_NONE

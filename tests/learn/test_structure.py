@@ -158,6 +158,24 @@ def test_the_simplest_within_one_standard_error_of_the_best_is_chosen() -> None:
     assert simplest_within_one_error([plain, equal], at) is equal
 
 
+def test_a_decay_that_is_as_good_as_none_is_not_chosen_however_it_scores() -> None:
+    at, decaying = bench(8), PLAIN.with_value("decay", "shared")
+    plain, better = scored(PLAIN, 10, [-6.0] * 8), scored(decaying, 11, [-5.9] * 8)
+    assert simplest_within_one_error([plain, better], at) is better
+    assert simplest_within_one_error([plain, replace(better, idle=True)], at) is plain
+
+
+def test_a_quick_fit_says_whether_its_decay_is_as_good_as_none() -> None:
+    fading = teacher()
+    tops = {state: replace(top, decay=2.0) for state, top in fading.approvals.items()}
+    found = {}
+    for name, model in {"none": teacher(), "fading": replace(fading, approvals=tops)}.items():
+        trials = [replace(t, participant_id=t.trial_id) for t in operator_trials(20, model, seed=2)]
+        at = Bench(trials, WORLD, INTUITIVE, Settings(), 2, 1000)
+        found[name] = at.fit(PLAIN.with_value("decay", "shared"), teacher()).idle
+    assert found == {"none": True, "fading": False}
+
+
 def test_the_standard_error_is_over_people_not_trials() -> None:
     at = bench(8)
     base = scored(PLAIN, 10, [0.0] * 8)
