@@ -12,7 +12,7 @@ import numpy as np
 from taskcomm.studies import drawn_teacher
 from taskcomm.teacher import TeacherModel
 from taskcomm.web.bots import Line, LineError, OperatorBot, TeacherBot, label_presses
-from taskcomm.web.protocol import Saved
+from taskcomm.web.protocol import Role, Saved
 from taskcomm.web.study.folder import StudyFolder
 from taskcomm.web.study.structure import Design
 
@@ -82,7 +82,7 @@ class Rehearsal:
     def _desks(self) -> list[tuple[int, str]]:
         return list(enumerate(self.folder.operators))
 
-    def _line(self, role: str, name: str) -> Line:
+    def _line(self, role: Role, name: str) -> Line:
         token = self.folder.tokens[role][name]
         heard = self.heard.get(name) if role == "teacher" else None
         return Line(self.address, token, patience=self.patience, heard=heard)
@@ -108,7 +108,7 @@ class Rehearsal:
 
     def reasons(self) -> dict[str, dict[int, str]]:
         """Why the teachers pressed, by trial and step; practice is left out."""
-        known = {}
+        known: dict[str, dict[int, str]] = {}
         for person in self.folder.participants:
             lessons = self.teachers[person.id].lessons
             for plan, lesson in zip(person.trials, lessons, strict=True):
