@@ -8,6 +8,7 @@ const SLIDE = 300; // ms that a ball needs to its new place
 const FLASH = 500; // ms that a press is shown
 const STRIP = 92; // world units below the balls, where presses are shown
 const ROBOT = 62; // half the robot's side
+const LAYERS = ["rays", "links", "arm", "robot", "balls", "marks", "labels", "press"];
 
 const calm = () => window.matchMedia("(prefers-reduced-motion: reduce)").matches;
 
@@ -17,7 +18,7 @@ export class WorldView {
     this.say = say;
     this.layout = null;
     this.now = new Map(); // ball -> the point where it is drawn
-    this.layers = Object.fromEntries(["links", "arm", "marks", "robot", "balls", "press"].map((name) => [name, svg("g", { class: name })]));
+    this.layers = Object.fromEntries(LAYERS.map((name) => [name, svg("g", { class: name })]));
     this.svg = svg("svg", { class: "world", role: "img", focusable: "false" }, ...Object.values(this.layers));
     parent.append(this.svg);
   }
@@ -60,15 +61,19 @@ export class WorldView {
     this.layers.press.replaceChildren(this.press_);
   }
 
+  /** The distances from every other ball while one is held, but for the one where it stands. */
   #marks() {
-    const { rays, at, size } = this.layout;
-    this.layers.marks.replaceChildren(
-      ...rays.map(({ reference, points }) => {
-        const [from, to] = [at.get(reference), points.at(-1)];
-        const line = svg("line", { class: "ray", x1: from.x, y1: from.y, x2: to.x, y2: to.y });
-        return svg("g", {}, line, ...points.map((point, k) => markPicture(reference, k + 1, point, size.mark)));
-      }),
-    );
+    const { rays, at, placed, size } = this.layout;
+    const stands = placed.find(({ ball }) => ball === this.frame.held);
+    const here = (reference, distance) => stands?.reference === reference && stands.distance === distance;
+    const line = ({ reference, points }) => lineBetween(at.get(reference), points.at(-1));
+    const marks = ({ reference, points }) =>
+      points
+        .map((point, k) => [reference, k + 1, point])
+        .filter(([, distance]) => !here(reference, distance))
+        .map(([, distance, point]) => markPicture(reference, distance, point, size.mark));
+    this.layers.rays.replaceChildren(...rays.map(line));
+    this.layers.marks.replaceChildren(...rays.flatMap(marks));
   }
 
   #robot() {
@@ -122,8 +127,10 @@ export class WorldView {
     const held = this.now.get(this.frame.held);
     this.arm.classList.toggle("shown", Boolean(held));
     if (held) this.#grip(held, size.radius);
-    const links = placed.map((one) => linkPicture(this.now.get(one.reference), this.now.get(one.ball), one, size));
-    this.layers.links.replaceChildren(...links);
+    const ends = ({ ball, reference }) => [this.now.get(reference), this.now.get(ball)];
+    const label = (one) => labelPicture(...ends(one), one.distance, one.ball === this.frame.held ? size.radius + 15 : 0);
+    this.layers.links.replaceChildren(...placed.map((one) => lineBetween(...ends(one))));
+    this.layers.labels.replaceChildren(...placed.map(label));
   }
 
   /** The arm from the robot to the ball, and the grip on the ball's side that the arm comes from. */
@@ -146,8 +153,8 @@ function ballPicture(ball, radius) {
     return svg("line", { x1: near * cos, y1: near * sin, x2: end * cos, y2: end * sin });
   });
   const wide = radius + 8;
-  const [x, y] = [-wide * Math.cos(2.2), wide * Math.sin(2.2)];
-  const grip = svg("path", { class: "grip", d: `M ${-x} ${-y} A ${wide} ${wide} 0 1 0 ${-x} ${y}` });
+  const [x, y] = [wide * Math.cos(2.2), wide * Math.sin(2.2)];
+  const grip = svg("path", { class: "grip", d: `M ${x} ${y} A ${wide} ${wide} 0 0 1 ${x} ${-y}` });
   const number = svg("text", { class: "number", "font-size": radius * 0.95 }, String(ball));
   const disc = svg("circle", { class: "disc", r: radius });
   return svg("g", { class: "ball", "data-ball": ball }, svg("g", { class: "beams" }, ...beams), grip, disc, number);
@@ -174,14 +181,19 @@ function robotPicture(text, final) {
   return svg("g", { class: "robot", "data-robot": "1" }, body, ...eyes, ...sign);
 }
 
-/** The line from a reference ball to the ball placed at it, with its distance. */
-function linkPicture(from, to, { ball, reference, distance }, size) {
-  const line = svg("line", { x1: from.x, y1: from.y, x2: to.x, y2: to.y });
-  const label = svg(
+const lineBetween = (p, q) => svg("line", { x1: p.x, y1: p.y, x2: q.x, y2: q.y });
+
+/** The distance of a placed ball: amid the line to its reference, or `beside` the ball, away from the robot. */
+function labelPicture(from, to, distance, beside) {
+  const across = Math.atan2(to.y - from.y, to.x - from.x) + Math.PI / 2;
+  const side = to.x * Math.cos(across) + to.y * Math.sin(across) < 0 ? -beside : beside;
+  const [x, y] = beside
+    ? [to.x + side * Math.cos(across), to.y + side * Math.sin(across)]
+    : [(from.x + to.x) / 2, (from.y + to.y) / 2];
+  return svg(
     "g",
-    { transform: `translate(${(from.x + to.x) / 2} ${(from.y + to.y) / 2})` },
+    { transform: `translate(${x.toFixed(2)} ${y.toFixed(2)})` },
     svg("circle", { r: 17 }),
     svg("text", { "font-size": 26 }, String(distance)),
   );
-  return svg("g", { class: "link", "data-link": `${ball} ${reference} ${distance}` }, line, label);
 }
