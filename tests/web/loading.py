@@ -19,8 +19,8 @@ TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
 
 @dataclass(frozen=True)
 class Load:
-    """What was measured: lateness in ms of every tick, by the server's logs and by what bots saw; the steps of
-    each trial; memory in MB of server and planners, once a second; processor seconds of each; seconds.
+    """What was measured: lateness in ms of every tick, by the server's logs and by what bots saw; the steps
+    of each trial; memory in MB of server and planners, once a second; processor seconds of each; seconds.
     """
 
     late_ms: list[float]
@@ -46,7 +46,7 @@ class Load:
 
 
 def undecided(step: float) -> TeacherModel:
-    """A teacher whose presses have no reason, so that the robot never knows the task and the trial goes on."""
+    """A teacher whose presses have no reason: the robot never knows the task, the trial goes on."""
     plain = TeacherModel.intuitive().to_dict()
     tops = {name: top | {"peak": 0.0} for name, top in plain["approvals"].items()}
     return TeacherModel.from_dict(plain | {"mistake": 0.04, "approvals": tops}).with_dt(step)
