@@ -10,12 +10,14 @@ from typing import Self
 
 from taskcomm.teacher import TeacherModel
 from taskcomm.web.study.assignment import Participant, TrialPlan
-from taskcomm.web.study.design import Design, check, load, parsed
+from taskcomm.web.study.design import Design, load, parsed
 from taskcomm.web.study.links import Role, Seats, Tokens, exposed, fresh, read_tokens, write_tokens
 from taskcomm.web.study.links import Seat as Seat
 from taskcomm.web.study.models import copy_models, load_models
+from taskcomm.web.study.pages import pages
 from taskcomm.web.study.reading import StudyError, text_of
 from taskcomm.web.study.record import changes, read_record, record_of, sha256_of_text, write_record
+from taskcomm.web.study.sessions import check_session
 from taskcomm.web.study.texts import SHIPPED, Texts, load_texts, shipped
 from taskcomm.web.study.tomlwriting import toml_of
 
@@ -53,6 +55,8 @@ class StudyFolder:
         self.tokens: Tokens = read_tokens(self.links)
         self._seats = Seats(self.tokens)
         self._check_links()
+        for participant in self.participants:
+            check_session(self.session_of(participant.id), pages(self.design, self.texts, participant))
 
     @classmethod
     def new(
@@ -167,8 +171,6 @@ class StudyFolder:
 
 def _fill(part: Path, design: Design | str, models: Iterable[Path], texts: Path | None) -> None:
     """Write a study into the empty folder `part`."""
-    if isinstance(design, Design):
-        check(design)
     text = toml_of(design) if isinstance(design, Design) else design
     design = parsed(text, DESIGN)
     (part / DESIGN).write_text(text, encoding="utf-8")

@@ -68,7 +68,7 @@ def from_json(text: str, kind: type[T], where: str) -> T:
 
 def converted(document: Any, kind: type[T], where: str) -> T:
     """`document` as a `kind`, strictly: no key that it does not know, no type changed."""
-    _refuse_unknown(document, kind, where, "")
+    _check_names(document, kind, where, "")
     try:
         return msgspec.convert(document, kind, strict=True)
     except msgspec.ValidationError as error:
@@ -105,8 +105,8 @@ def nearest(name: str, known: typing.Iterable[str]) -> str:
     return f"; did you mean {close[0]}?" if close else f"; known are {', '.join(known)}"
 
 
-def _refuse_unknown(document: Any, kind: Any, where: str, place: str) -> None:
-    """Walk `document` along the structure `kind`; StudyError at the first key that it does not know."""
+def _check_names(document: Any, kind: Any, where: str, place: str) -> None:
+    """Walk `document` along the structure `kind`; StudyError at the first name that it does not know."""
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         if not isinstance(document, Mapping):
             return
@@ -116,15 +116,17 @@ def _refuse_unknown(document: Any, kind: Any, where: str, place: str) -> None:
             inside = f"{place}.{key}" if place else str(key)
             if key not in known:
                 raise StudyError(f"{where}: {inside}: is unknown{nearest(str(key), known)}")
-            _refuse_unknown(value, known[key], where, inside)
+            _check_names(value, known[key], where, inside)
         return
     origin, parts = typing.get_origin(kind), typing.get_args(kind)
     if origin in (typing.Union, types.UnionType):
         for part in parts:
-            _refuse_unknown(document, part, where, place)
+            _check_names(document, part, where, place)
+    elif origin is typing.Literal and isinstance(document, str) and document not in parts:
+        raise StudyError(f"{where}: {place}: {document!r} is unknown{nearest(document, parts)}")
     elif origin in (tuple, list) and isinstance(document, list):
         for index, value in enumerate(document):
-            _refuse_unknown(value, parts[0], where, f"{place}[{index}]")
+            _check_names(value, parts[0], where, f"{place}[{index}]")
     elif origin is dict and isinstance(document, Mapping):
         for key, value in document.items():
-            _refuse_unknown(value, parts[1], where, f"{place}.{key}")
+            _check_names(value, parts[1], where, f"{place}.{key}")

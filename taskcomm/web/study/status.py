@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from taskcomm.web.study.assignment import Participant
 from taskcomm.web.study.folder import StudyFolder
 from taskcomm.web.study.pages import pages
-from taskcomm.web.study.trialstatus import TrialStatus, lines_of, trial_status
+from taskcomm.web.study.sessions import declined, lines_of
+from taskcomm.web.study.trialstatus import TrialStatus, trial_status
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,10 +74,7 @@ def _participant(folder: StudyFolder, participant: Participant) -> ParticipantSt
     lines, torn, problem = lines_of(folder.session_of(participant.id))
     done = [line for line in lines if line.get("type") == "page" and isinstance(line.get("page"), int)]
     page = min(1 + max((line["page"] for line in done), default=-1), len(specs) - 1)
-    refused = any(
-        line.get("kind") == "consent" and line.get("values", {}).get("agreed") is False for line in done
-    )
-    at = "declined" if refused else "done" if specs[page].kind == "thanks" else specs[page].name
+    at = "declined" if declined(done) else "done" if specs[page].kind == "thanks" else specs[page].name
     return ParticipantStatus(
         id=participant.id,
         operator=participant.operator,

@@ -1,7 +1,7 @@
 """The words of a study in one language (`texts/en.toml`): all that a participant reads."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,9 +14,7 @@ from taskcomm.web.study.structure import Design, Item
 
 SHIPPED = ("en", "de")
 OF_DESIGN = {"title", "balls", "distances", "trials", "minutes"}
-# What may be filled in, beside what the shipped words of the same key have.
-PLACES = dict.fromkeys(("consent", "instructions", "after_practice", "thanks"), OF_DESIGN)
-PLACES |= {"items": {"card"}}
+TOLD = ("consent", "instructions", "after_practice", "thanks")  # where these may be filled in
 
 Words = Annotated[str, Meta(min_length=1, max_length=4000)]
 Paragraphs = Annotated[tuple[Words, ...], Meta(min_length=1, max_length=40)]
@@ -144,7 +142,7 @@ def parse_texts(text: str, design: Design, where: str) -> Texts:
     for name, items in (("questionnaire", design.questionnaire), ("ratings", design.ratings)):
         for item in items:
             _check_item(texts, item, where, name)
-    _check_places(texts, model, where)
+    _check_places(texts, model, {f"items.{item.item}.text" for item in design.ratings}, where)
     return texts
 
 
@@ -157,11 +155,13 @@ def _check_item(texts: Texts, item: Item, where: str, of: str) -> None:
             raise TextsError(f"{where}: items.{item.item}.choices.{choice} is missing")
 
 
-def _check_places(texts: Texts, model: Texts, where: str) -> None:
-    """Every {place} must be one that the shipped words have there; the card must name its whole task."""
+def _check_places(texts: Texts, model: Texts, ratings: Collection[str], where: str) -> None:
+    """Every {place} must be one that is filled in there; the card must name its whole task."""
     known = {key: set(_places(words)) for key, words in _leaves(msgspec.to_builtins(model))}
     for key, words in _leaves(msgspec.to_builtins(texts)):
-        allowed = known.get(key, set()) | PLACES.get(key.partition(".")[0], set())
+        part = key.partition(".")[0]
+        allowed = known.get(key, set()) if part != "items" else {"card"} if key in ratings else set()
+        allowed = allowed | (OF_DESIGN if part in TOLD else set())
         for place in _places(words):
             if place not in allowed:
                 have = ", ".join(f"{{{name}}}" for name in sorted(allowed)) or "none"

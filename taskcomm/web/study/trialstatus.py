@@ -6,7 +6,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any, Literal
 
-import msgspec
+from taskcomm.web.study.sessions import lines_of
 
 State = Literal["not begun", "unfinished", "final", "timeout", "aborted"]
 
@@ -45,22 +45,6 @@ class TrialStatus:
     timings: Timings
 
 
-def lines_of(path: Path) -> tuple[list[dict[str, Any]], bool, str | None]:
-    """The objects in a JSON Lines file, whether its last line is torn, and the first that is no object."""
-    if not path.exists():
-        return [], False, None
-    whole, _, rest = path.read_bytes().rpartition(b"\n")
-    lines, problem = [], None
-    for number, text in enumerate(whole.split(b"\n") if whole else [], 1):
-        try:
-            line = msgspec.json.decode(text, type=dict)
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-            problem = problem or f"{path.name}:{number}: not a JSON object"
-            continue
-        lines.append(line)
-    return lines, bool(rest), problem
-
-
 def trial_status(path: Path, trial_id: str, condition: str, practice: bool = False) -> TrialStatus:
     """What the log at `path` says of its trial."""
     lines, torn, problem = lines_of(path)
@@ -89,12 +73,16 @@ def trial_status(path: Path, trial_id: str, condition: str, practice: bool = Fal
 def _timings(steps: Sequence[Mapping[str, Any]], events: Sequence[Mapping[str, Any]]) -> Timings:
     """From the steps; missed ticks from the summary that ends a trial."""
     timed = [step["timing"] for step in steps if isinstance(step.get("timing"), dict)]
-    late = sorted(float(timing["late_ms"]) for timing in timed if "late_ms" in timing)
-    of_teacher = [event for event in events if event.get("role") == "teacher" and "rtt_ms" in event]
-    missed = sum(int(event.get("missed", 0)) for event in events if event.get("kind") == "timing")
+    late = sorted(_numbers(timed, "late_ms"))
+    trips = _numbers([event for event in events if event.get("role") == "teacher"], "rtt_ms")
+    missed = _numbers([event for event in events if event.get("kind") == "timing"], "missed")
     return Timings(
         late_ms_p99=late[min(len(late) - 1, int(0.99 * len(late)))] if late else None,
         late_ms_max=late[-1] if late else None,
-        missed=missed,
-        rtt_ms=median(float(event["rtt_ms"]) for event in of_teacher) if of_teacher else None,
+        missed=round(sum(missed)),
+        rtt_ms=median(trips) if trips else None,
     )
+
+
+def _numbers(lines: Sequence[Mapping[str, Any]], key: str) -> list[float]:
+    return [float(line[key]) for line in lines if isinstance(line.get(key), int | float)]
