@@ -1,0 +1,105 @@
+// The time bar of a replay: a slider over the frames, play and pause, speeds, steps, the presses.
+
+import { el } from "./dom.js";
+
+const SPEEDS = [0.5, 1, 2, 4, 8];
+
+/**
+ * A position among `count` frames. `moved(at, played)` is called at every change; `jumps` are the positions of
+ * presses, `told(at)` says in words where the slider stands. `dt` is the time of a frame in seconds.
+ */
+export class TimeBar {
+  constructor(parent, { count, dt, jumps, moved, told }) {
+    Object.assign(this, { count, dt, jumps, moved, told });
+    this.at = 0;
+    this.slider = el("input", {
+      type: "range", min: 0, max: count - 1, step: 1, value: 0, class: "slider", "aria-label": "Time",
+      oninput: () => this.go(Number(this.slider.value)),
+    });
+    this.button = el("button", { type: "button", class: "play", onclick: () => this.toggle() });
+    this.speed = el(
+      "select",
+      { "aria-label": "Speed", onchange: () => this.timer && this.#restart() },
+      ...SPEEDS.map((speed) => el("option", { value: speed, selected: speed === 1 }, `${speed} ×`)),
+    );
+    const small = (text, name, step) => el("button", { type: "button", title: name, "aria-label": name, onclick: step }, text);
+    this.clock = el("output", { class: "clock" });
+    parent.append(
+      el(
+        "div",
+        { class: "timebar", role: "group", "aria-label": "Time bar" },
+        this.button,
+        small("⏮", "Press before (p)", () => this.jump(-1)),
+        small("◀", "One step back (left arrow)", () => this.go(this.at - 1)),
+        small("▶", "One step on (right arrow)", () => this.go(this.at + 1)),
+        small("⏭", "Next press (n)", () => this.jump(1)),
+        this.slider,
+        this.clock,
+        el("label", { class: "speed" }, "Speed ", this.speed),
+      ),
+    );
+    this.#drawButton();
+  }
+
+  /** Moves to position `at`, held within the trial; a step taken by hand pauses. */
+  go(at, played = false) {
+    if (!played) this.pause();
+    this.at = Math.max(0, Math.min(this.count - 1, at));
+    this.slider.value = this.at;
+    const end = (this.count - 1) * this.dt;
+    this.clock.textContent = `${(this.at * this.dt).toFixed(1)} of ${end.toFixed(1)} s`;
+    this.slider.setAttribute("aria-valuetext", this.told(this.at));
+    this.moved(this.at, played);
+  }
+
+  /** To the next press (1) or the one before (-1). */
+  jump(direction) {
+    const ahead = this.jumps.filter((at) => direction * (at - this.at) > 0);
+    if (ahead.length) this.go(direction > 0 ? ahead[0] : ahead.at(-1));
+  }
+
+  toggle() {
+    if (this.timer) this.pause();
+    else this.play();
+  }
+
+  play() {
+    if (this.at >= this.count - 1) this.go(0);
+    this.#restart();
+  }
+
+  pause() {
+    clearInterval(this.timer);
+    this.timer = null;
+    this.#drawButton();
+  }
+
+  #restart() {
+    clearInterval(this.timer);
+    this.timer = setInterval(() => this.#tick(), (1000 * this.dt) / Number(this.speed.value));
+    this.#drawButton();
+  }
+
+  #tick() {
+    if (this.at >= this.count - 1) this.pause();
+    else this.go(this.at + 1, true);
+  }
+
+  #drawButton() {
+    this.button.textContent = this.timer ? "Pause" : "Play";
+    this.button.setAttribute("aria-label", this.timer ? "Pause (space)" : "Play (space)");
+  }
+
+  /** What a key does, wherever the focus is; true where it did something. */
+  key(event) {
+    const steps = { ArrowLeft: -1, ArrowRight: 1, PageUp: -10, PageDown: 10 }[event.key];
+    if (event.key === " ") this.toggle();
+    else if (steps) this.go(this.at + steps);
+    else if (event.key === "Home") this.go(0);
+    else if (event.key === "End") this.go(this.count - 1);
+    else if (event.key === "n") this.jump(1);
+    else if (event.key === "p") this.jump(-1);
+    else return false;
+    return true;
+  }
+}
