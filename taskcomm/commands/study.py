@@ -60,3 +60,46 @@ def status(folder: Folder, json: Json = False) -> None:
     from taskcomm.commands import study_status as command
 
     raise typer.Exit(command.run(folder=folder, json=json))
+
+
+@study.command(epilog="Example: taskcomm study export my-study --out my-data-set")
+def export(
+    folder: Folder,
+    out: Annotated[
+        Path, typer.Option(help="Folder of the data set: new, empty, or an earlier export.", file_okay=False)
+    ],
+    json: Json = False,
+) -> None:
+    """Write the study as a Psych-DS data set with Frictionless metadata: tables, raw logs, no links.
+
+    Of participants who declined, nothing but their place in the study is exported.
+    """
+    from taskcomm.commands import study_export as command
+
+    raise typer.Exit(command.run(folder=folder, out=out, json=json))
+
+
+@study.command(epilog="Example: taskcomm study rehearse my-study --out my-study-rehearsal")
+def rehearse(
+    folder: Folder,
+    out: Annotated[
+        Path | None, typer.Option(help="New folder for everything (default: DIR-rehearsal).")
+    ] = None,
+    teachers: Annotated[int | None, typer.Option(min=1, help="Teachers, instead of the design's.")] = None,
+    teacher: Annotated[
+        str, typer.Option(help="The teachers: a model file, 'intuitive', or 'spread', a new one for each.")
+    ] = "spread",
+    at_once: Annotated[int, typer.Option(min=1, help="Teachers at a time; one to each operator.")] = 8,
+    processes: Annotated[int, typer.Option(min=1, max=64, help="Processes that plan.")] = 1,
+    real_time: Annotated[
+        bool, typer.Option("--real-time", help="At the pace of people, instead of full speed.")
+    ] = False,
+    analysis: Annotated[bool, typer.Option(help="A fit and a comparison, after export and figures.")] = True,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 0,
+    json: Json = False,
+) -> None:
+    """Run a copy of the study with programs in all places, to its export, figures, fit and comparison."""
+    settings = dict(locals())
+    from taskcomm.commands import study_rehearse as command
+
+    raise typer.Exit(command.run(**settings))

@@ -20,7 +20,7 @@ ANNOTATOR = "simulated"
 Heard = Callable[[float, bytes], None]
 
 
-class RehearsalError(RuntimeError):
+class RehearsalError(OSError):
     """A rehearsal that could not go on; says which bot and why."""
 
 

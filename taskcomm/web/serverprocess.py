@@ -11,7 +11,7 @@ STARTS_WITHIN = 120.0  # s; kernels may have to be compiled
 ENDS_WITHIN = 20.0
 
 
-class ServerError(RuntimeError):
+class ServerError(OSError):
     """The server did not start or end as it should; the message has its last words."""
 
 
