@@ -70,6 +70,7 @@ def conclude(
         num_free=len(space.index) + (0 if objective.observing is None else objective.observing.num_free),
         settings=settings,
         certificate=certificate,
+        dropped=exposure.dropped,
     )
     return replace(result, model=replace(model, provenance=_provenance(result)))
 

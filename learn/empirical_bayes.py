@@ -145,7 +145,7 @@ def _teachers(
             model=space.model_at(modes[i], made_of("learn.fit_population", trials) | {"teacher": name}),
             mean=tuple(weighed.mean[i].tolist()),
             spread=tuple(np.sqrt(variances[i]).tolist()),
-            own_share=tuple((1 - variances[i] / normal.spread**2).tolist()),
+            own_share=tuple(np.clip(1 - variances[i] / normal.spread**2, 0.0, 1.0).tolist()),
             trials=len(trials),
             presses=int(sum(trial.presses.sum() for trial in trials)),
             log_marginal=float(weighed.log_marginal[i]),

@@ -93,6 +93,12 @@ class Exposure:
     unit_tasks: tuple[Floats, ...]
     cue_ever_on: tuple[bool, ...]
 
+    @property
+    def dropped(self) -> float:
+        """A bound on what memories left out would add to the log-likelihood of all trials, in nats."""
+        first = np.flatnonzero(np.diff(self.unit_trial, prepend=-1))
+        return float(np.maximum.reduceat(self.lattice.unit_dropped, first).sum())
+
 
 def _check(trials: Sequence[Trial], world: World, model: TeacherModel) -> None:
     for trial in trials:

@@ -50,8 +50,9 @@ class Teacher:
     """One teacher given the own trials and the population.
 
     `model` is at the mode of the posterior. `mean` and `spread` (n,) are its mean and standard deviation in
-    the coordinates; `own_share` (n,) is 1 - posterior / prior variance: how much the own trials
-    say in each. `log_marginal` is the log-likelihood of the own trials averaged over the population, in nats.
+    the coordinates; `own_share` (n,) is 1 - posterior / prior variance: how much the own trials say in each,
+    0 where they leave the teacher no better known (draws, or a posterior of two hills, may even widen it).
+    `log_marginal` is the log-likelihood of the own trials averaged over the population, in nats.
     All but `model` rests on draws, worth `effective` equally weighed ones.
     """
 

@@ -72,7 +72,8 @@ class FitResult:
     mistakes). `marks` are remarks by parameter: "no data", "fixed", "flat", "at its bound", "at a kink",
     "ridge", of a decay "as good as none"; `remarks` says the same in sentences. `num_free` is how many
     coordinates were learned (a shared parameter is one), for BIC; `free` (1 + 6 M,) which parameters.
-    `uncertainty` is None until `with_uncertainty`.
+    `dropped` (nats) bounds what the memories left out for `dropped_mass` would add to the log-likelihood of
+    the initial model. `uncertainty` is None until `with_uncertainty`.
     """
 
     model: TeacherModel
@@ -101,6 +102,7 @@ class FitResult:
     num_free: int
     settings: Settings
     certificate: Certificate
+    dropped: float = 0.0
     uncertainty: Uncertainty | None = None
 
     @property

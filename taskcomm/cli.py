@@ -50,8 +50,31 @@ app.command(epilog="Example: taskcomm serve --operator --out one-trial")(serve)
 app.add_typer(study)
 
 Logs = Annotated[list[Path], typer.Argument(help="Trial logs: files, or directories of them.", exists=True)]
+LogsOrTables = Annotated[
+    list[Path],
+    typer.Argument(
+        help="Trial logs: files, or directories of them; or cue tables (.csv, .parquet).", exists=True
+    ),
+]
 TableStep = Annotated[
     float | None, typer.Option("--dt", help="Length of a step in seconds, of cue tables without a column dt.")
+]
+Longest = Annotated[
+    float | None,
+    typer.Option(
+        min=0.01,
+        help="Longest rise and fall to look for, in seconds (default: 10, or 20 steps); with a shorter one,"
+        " trials with more presses can be fitted.",
+    ),
+]
+DroppedMass = Annotated[
+    float,
+    typer.Option(
+        min=0,
+        max=0.09,
+        help="Leave out memories that hold no more than this together at a step, where key states are"
+        " unknown or a key may miss: smaller and faster; what it may cost is said.",
+    ),
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of every random draw.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else, on stdout.")]
@@ -103,12 +126,7 @@ def simulate(
 
 @app.command(epilog="Example: taskcomm fit trials.jsonl --out learned.json --delays")
 def fit(
-    logs: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Trial logs: files, or directories of them; or cue tables (.csv, .parquet).", exists=True
-        ),
-    ],
+    logs: LogsOrTables,
     out: Annotated[Path, typer.Option(help="Model file to write, in a folder that is there.")],
     initial: Annotated[str, typer.Option(help="Model to start from: a file, or 'intuitive'.")] = "intuitive",
     convert_dt: ConvertDt = False,
@@ -135,14 +153,8 @@ def fit(
     intervals: Annotated[
         Intervals, typer.Option(help="95% intervals: from the likelihood, or from teachers drawn again.")
     ] = Intervals.likelihood,
-    longest: Annotated[
-        float | None,
-        typer.Option(
-            min=0.01,
-            help="Longest rise and fall to look for, in seconds (default: 10, or 20 steps); with a shorter"
-            " one, trials with more presses can be fitted.",
-        ),
-    ] = None,
+    longest: Longest = None,
+    dropped_mass: DroppedMass = 0.0,
     starts: Annotated[int, typer.Option(min=1, help="Starts of EM; the first is the initial model.")] = 6,
     max_iter: Annotated[int, typer.Option(min=1, help="Iterations of EM from each start.")] = 500,
     task_unknown: Annotated[
@@ -173,7 +185,7 @@ def fit(
 
 @app.command(epilog="Example: taskcomm population trials.jsonl --out population.json --models teachers")
 def population(
-    logs: Logs,
+    logs: LogsOrTables,
     out: Annotated[Path, typer.Option(help="Population file to write, in a folder that is there.")],
     models: Annotated[
         Path | None, typer.Option(help="Directory for a model file of each teacher; made if missing.")
@@ -181,12 +193,15 @@ def population(
     initial: Annotated[str, typer.Option(help="Model to start from: a file, or 'intuitive'.")] = "intuitive",
     convert_dt: ConvertDt = False,
     delays: Annotated[bool, typer.Option("--delays", help="Fit the delays too.")] = False,
+    decays: Annotated[bool, typer.Option("--decays", help="Fit the decays of the plateaus too.")] = False,
     full: Annotated[
         bool, typer.Option("--full", help="Let parameters go together; needs many teachers.")
     ] = False,
+    longest: Longest = None,
     starts: Annotated[int, typer.Option(min=1, help="Starts of EM for the one model of all.")] = 6,
     draws: Annotated[int, typer.Option(min=20, help="Draws for each teacher in each round.")] = 400,
     rounds: Annotated[int, typer.Option(min=1, help="Rounds at most.")] = 60,
+    dt: TableStep = None,
     seed: Seed = 0,
     json: Json = False,
 ) -> None:
@@ -202,12 +217,7 @@ def population(
 
 @app.command(epilog="Example: taskcomm structure trials.jsonl --out model.json --rest 0 --rest 1")
 def structure(
-    logs: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Trial logs: files, or directories of them; or cue tables (.csv, .parquet).", exists=True
-        ),
-    ],
+    logs: LogsOrTables,
     out: Annotated[Path, typer.Option(help="Model file to write, in a folder that is there.")],
     initial: Annotated[str, typer.Option(help="Model to start from: a file, or 'intuitive'.")] = "intuitive",
     convert_dt: ConvertDt = False,
@@ -219,6 +229,7 @@ def structure(
         float, typer.Option(min=0.5, max=0.999, help="How often what is named shall hold the truth.")
     ] = 0.9,
     folds: Annotated[int, typer.Option(min=2, help="Folds of people.")] = 10,
+    longest: Longest = None,
     starts: Annotated[int, typer.Option(min=1, help="Starts of EM in thorough fits.")] = 6,
     thorough: Annotated[int, typer.Option(min=1, help="How many structures to fit thoroughly.")] = 3,
     task_unknown: Annotated[

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from learn import Population
 from taskcomm.cli import main
 from taskcomm.cueworld import CueWorld, intuitive_for
 from taskcomm.teacher import TableTop, TeacherModel
 
-DONE, USAGE, BAD_DATA = 0, 2, 3
+DONE, USAGE, BAD_DATA, NOT_CONVERGED = 0, 2, 3, 4
 LIGHTS = Path(__file__).parents[1] / "datasets" / "cue-table-example" / "lights.csv"
 
 
@@ -182,3 +183,43 @@ def test_one_person_cannot_be_compared_and_the_way_out_is_named(
     assert "--folds 0" in capsys.readouterr().err
     assert not out.exists()
     assert run("fit", table, "--out", out, "--folds", 0, *fast) == DONE
+
+
+@pytest.mark.parametrize("command", ["compare", "replay"])
+def test_what_needs_a_world_refuses_a_cue_table_in_one_sentence(
+    command: str, table: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = table.with_name("out.png" if command == "replay" else "out")
+    assert run(command, table, "--out", out) == BAD_DATA
+    told = capsys.readouterr().err
+    assert told.startswith(f"error: {table}: a cue table has no world")
+    assert told.count("\n") == 1
+    assert not out.exists()
+
+
+def test_structure_keeps_to_the_longest_rise_and_fall_and_says_where_the_initial_model_is_beyond(
+    table: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = table.with_name("model.json")
+    fast = ("--starts", 1, "--folds", 2, "--rest", 0, "--thorough", 1)
+    assert run("structure", table, "--out", out, *fast, "--longest", 3) in (DONE, NOT_CONVERGED)
+    assert "--longest" not in capsys.readouterr().err
+    model = TeacherModel.load(out)
+    assert model.provenance["settings"]["bounds"]["rise"] == 3
+    assert max(time for top in model.approvals.values() for time in (top.rise, top.fall)) <= 3 + 1e-9
+    run("fit", table, "--out", out, "--starts", 1, "--intervals", "none", "--folds", 0, "--longest", 1.5)
+    told = capsys.readouterr().err
+    assert "--longest 1.5: the initial model has that_left.rise = 2 s" in told
+
+
+def test_a_population_takes_a_cue_table_with_decays(table: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = table.with_name("population.json")
+    quick = ("--starts", 1, "--draws", 20, "--rounds", 2, "--longest", 3, "--decays")
+    assert run("population", table, "--out", out, *quick) == NOT_CONVERGED
+    assert "2 teachers" in capsys.readouterr().out
+    found = Population.load(out)
+    names = [each.name for each in found.common]
+    assert {"that_left.decay", "that_right.decay"} <= set(names)
+    assert all(0 <= share <= 1 for teacher in found.teachers for share in teacher.own_share)
+    assert max(top.rise for top in found.model.approvals.values()) <= 3 + 1e-9
+    assert run("population", table, "--out", out, "--dt", "nonsense") == USAGE

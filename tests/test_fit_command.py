@@ -1,6 +1,7 @@
 """`taskcomm fit`, as a user meets it: table, certificate, audit, intervals; as text, JSON and model file."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -134,3 +135,26 @@ def test_the_errors_of_the_key_are_learned_where_asked_for(
     assert run("fit", log, *options) in (DONE, NOT_CONVERGED)
     assert "observed: false_press: " in capsys.readouterr().out
     assert 0 < TeacherModel.load(out).observation.false_press < 0.1
+
+
+def test_what_memories_left_out_may_cost_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    trials = [replace(trial, steps=trial.steps[:40]) for trial in operator_trials(3, teacher())]
+    holes = [
+        replace(
+            trial,
+            steps=tuple(replace(s, pressed=None) if t % 3 == 0 else s for t, s in enumerate(trial.steps)),
+        )
+        for trial in trials
+    ]
+    log, out = tmp_path / "holes.jsonl", tmp_path / "m.json"
+    write_trials(holes, log)
+    options = ("--starts", 1, "--intervals", "none", "--longest", 2, "--out", out)
+    assert run("fit", log, *options, "--dropped-mass", 1e-4, "--json") in (DONE, NOT_CONVERGED)
+    document = json.loads(capsys.readouterr().out)
+    assert 0 < document["dropped"] < 5
+    assert TeacherModel.load(out).provenance["settings"]["dropped_mass"] == 1e-4
+    assert run("fit", log, *options, "--dropped-mass", 1e-4) in (DONE, NOT_CONVERGED)
+    assert "left out: memories that would raise the initial model's log-likelihood by at most" in (
+        capsys.readouterr().out
+    )
+    assert run("fit", log, *options, "--dropped-mass", 0.5) == USAGE

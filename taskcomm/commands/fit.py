@@ -32,6 +32,7 @@ def run(
     prior_trials: float,
     intervals: str,
     longest: float | None,
+    dropped_mass: float,
     starts: int,
     max_iter: int,
     task_unknown: bool,
@@ -67,9 +68,11 @@ def run(
         start = at_dt_of_trials(start, initial, world, steps, convert_dt, terminal)
         chosen = Settings(
             **_freedoms(delays, decays, holds, shared), prior=_prior(prior_trials), starts=starts,
-            max_iter=max_iter, observe=tuple(observe or ()), labels=labels, seed=seed,
+            max_iter=max_iter, observe=tuple(observe or ()), labels=labels,
+            dropped_mass=dropped_mass, seed=seed,
         )  # fmt: skip
         chosen = within(settings_at(start.dt, chosen), longest)
+        fitted.say_widened(start, longest, terminal)
         with naming(places), terminal.progress("fitting", starts + 2) as progress:
             result = fit(
                 trials, world=world, initial=start, settings=chosen,

@@ -10,6 +10,7 @@ from learn.report import parameter_table
 from learn.result import FitResult
 from taskcomm.channels import ObservationModel
 from taskcomm.commands.terminal import Terminal
+from taskcomm.teacher import TeacherModel
 from taskcomm.trials import Trial
 
 MORE_LIKELY = 0.1
@@ -36,12 +37,25 @@ def with_intervals(
     return result.with_uncertainty(found)
 
 
+def say_widened(start: TeacherModel, longest: float | None, terminal: Terminal) -> None:
+    """Say where the initial model is itself beyond --longest, which then does not hold for it."""
+    for name in ("rise", "fall") if longest is not None else ():
+        times = {state: getattr(top, name) for state, top in start.approvals.items()}
+        state = max(times, key=lambda state: times[state])
+        if longest is not None and times[state] > longest:
+            terminal.message(
+                f"warning: --longest {longest:g}: the initial model has {state}.{name} = {times[state]:g} s,"
+                f" so {name}s of up to that are looked for; an --initial with shorter ones does not widen it"
+            )
+
+
 def document(result: FitResult) -> dict[str, Any]:
     """What `--json` tells of a fit."""
     return {
         "converged": result.converged,
         "status": result.status,
         "log_likelihood": result.log_likelihood,
+        "dropped": result.dropped,
         "certificate": result.certificate.to_dict(),
         "parameters": [row.to_dict() for row in result.table()],
         "audit": result.audit_to_dict(),
@@ -71,6 +85,11 @@ def say(result: FitResult, trials: int, terminal: Terminal) -> None:
     )
     if result.settings.prior is not None:
         terminal.line(f"prior: the initial model, as {result.settings.prior.trials:g} trials would hold it")
+    if result.settings.dropped_mass:
+        terminal.line(
+            f"left out: memories that would raise the initial model's log-likelihood by at most"
+            f" {result.dropped:.2g} nats"
+        )
     for name in result.settings.observe:
         terminal.line(f"observed: {name}: {_observed(result.model.observation, name)}")
     for verdict in ("weak", "none"):

@@ -7,6 +7,7 @@ from pathlib import Path
 import typer
 
 from taskcomm.commands.terminal import Terminal
+from taskcomm.cuerows import is_cue_table
 from taskcomm.logs import LogError, read_with_places
 from taskcomm.observation import Observer
 from taskcomm.teacher import ModelError, TeacherModel
@@ -84,11 +85,23 @@ def model_files(named: Sequence[str]) -> list[Path]:
     return [Path(name) for name in named if Path(name).is_file()]
 
 
+def refuse_cue_tables(paths: Sequence[Path]) -> None:
+    """Raise LogError for a cue table, where only trials in a world will do."""
+    for path in paths:
+        if is_cue_table(path):
+            raise LogError(
+                f"{path}: a cue table has no world, so nothing can be planned, replayed or drawn in one; a"
+                " trial log is needed here (fit, structure and population take cue tables)"
+            )
+
+
 def load_trials(paths: Sequence[Path], terminal: Terminal) -> tuple[list[Trial], dict[str, str]]:
     """The trials of the logs, and the place of each (file:line, by trial_id).
 
-    Those that broke off before the first step are named and left out. Raises LogError where none is left.
+    Those that broke off before the first step are named and left out. Raises LogError where none is left, and
+    for a cue table.
     """
+    refuse_cue_tables(paths)
     trials, places = read_with_places(paths)
     bare = [trial.trial_id for trial in trials if not trial.num_steps]
     if len(bare) == len(trials):

@@ -9,9 +9,13 @@ import numpy as np
 
 from learn.empirical_bayes import fit_population
 from learn.population import Common, Population
+from learn.settings import Settings
+from learn.timescale import settings_at, within
+from taskcomm.commands import cues, fitted
 from taskcomm.commands.models import at_dt_of_trials, load_model, load_trials, model_files, naming
 from taskcomm.commands.output import result_directory, result_file, run_record, write_record
 from taskcomm.commands.terminal import Terminal
+from taskcomm.cuetable import read_with_places
 from taskcomm.logs import log_files
 
 
@@ -22,26 +26,35 @@ def run(
     initial: str,
     convert_dt: bool,
     delays: bool,
+    decays: bool,
     full: bool,
+    longest: float | None,
     starts: int,
     draws: int,
     rounds: int,
+    dt: float | None,
     seed: int,
     json: bool,
 ) -> int:
     """Fit, write the population and the teachers' models, print the tables; 4 if it did not converge."""
     settings = {key: value for key, value in locals().items() if key not in ("json", "logs")}
     terminal = Terminal(json)
+    tables = cues.are_cue_tables(logs, {"--dt": dt})
     start = load_model(initial, "--initial")
     with result_file(out) as part, nullcontext() if models is None else result_directory(models) as folder:
-        trials, places = load_trials(logs, terminal)
+        trials, places = read_with_places(logs, dt) if tables else load_trials(logs, terminal)
+        if tables and initial == "intuitive":
+            start = cues.start_for(trials)
         record = run_record("population", settings, [*log_files(logs), *model_files([initial])])
         steps = {trial.dt for trial in trials}
         start = at_dt_of_trials(start, initial, trials[0].world, steps, convert_dt, terminal)
+        chosen = Settings(delays=delays, decays=decays, starts=starts)
+        chosen = within(settings_at(start.dt, chosen), longest)
+        fitted.say_widened(start, longest, terminal)
         terminal.message(f"fitting {len(trials)} trials, {sum(int(t.presses.sum()) for t in trials)} presses")
         with naming(places), terminal.progress("rounds", rounds) as progress:
             found = fit_population(
-                trials, trials[0].world, start, delays=delays, full=full, starts=starts, draws=draws,
+                trials, trials[0].world, start, settings=chosen, full=full, draws=draws,
                 most_rounds=rounds, seed=seed, progress=lambda done, _total: progress(done),
             )  # fmt: skip
         found.save(part)

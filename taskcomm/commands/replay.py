@@ -5,7 +5,7 @@ from typing import Any
 
 import typer
 
-from taskcomm.commands.models import check_model, load_model, model_files, say_marks
+from taskcomm.commands.models import check_model, load_model, model_files, refuse_cue_tables, say_marks
 from taskcomm.commands.output import result_file, run_record, write_json, write_record
 from taskcomm.commands.terminal import Terminal
 from taskcomm.explain import Explanation
@@ -129,6 +129,7 @@ def replay_document(
 
 
 def _the_trial(log: Path, wanted: str | None) -> Trial:
+    refuse_cue_tables([log])
     trials = read_trials(log)
     if wanted is None and len(trials) == 1:
         return trials[0]

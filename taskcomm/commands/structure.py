@@ -7,7 +7,7 @@ from typing import Any
 from learn.candidates import spoken
 from learn.settings import Settings
 from learn.structure import StructureSearch, search_structure
-from learn.timescale import settings_at
+from learn.timescale import settings_at, within
 from taskcomm.commands import cues, fitted
 from taskcomm.commands.models import at_dt_of_trials, load_model, load_trials, model_files, naming
 from taskcomm.commands.output import result_file, run_record, write_record
@@ -27,6 +27,7 @@ def run(
     rests: list[float] | None,
     confidence: float,
     folds: int,
+    longest: float | None,
     starts: int,
     thorough: int,
     task_unknown: bool,
@@ -50,9 +51,11 @@ def run(
         start = at_dt_of_trials(
             start, initial, trials[0].world, {trial.dt for trial in trials}, convert_dt, terminal
         )
+        chosen = within(settings_at(start.dt, Settings(starts=starts, seed=seed)), longest)
+        fitted.say_widened(start, longest, terminal)
         with naming(places):
             found = search_structure(
-                trials, initial=start, settings=settings_at(start.dt, Settings(starts=starts, seed=seed)),
+                trials, initial=start, settings=chosen,
                 rests=rests or None, folds=folds, confidence=confidence, thorough=thorough,
                 tell=terminal.message,
             )  # fmt: skip
