@@ -9,12 +9,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
-from msgspec import Meta, Struct
+from msgspec import Struct
 
-from taskcomm.web.study.reading import StudyError, from_json, text_of
+from taskcomm.web.study.reading import StudyError, from_json, matching, text_of
 
 Role = Literal["teacher", "operator", "admin", "annotator"]
-Token = Annotated[str, Meta(min_length=20, max_length=200, pattern=r"^[A-Za-z0-9_-]+$")]
+Token = Annotated[str, matching(r"[A-Za-z0-9_-]{20,}", "20 or more letters, digits, - and _", 200)]
 Tokens = Mapping[Role, Mapping[str, str]]
 ADMIN = "admin"
 BYTES = 24  # of randomness in a token

@@ -1,7 +1,7 @@
 """The words of a study in one language (`texts/en.toml`): all that a participant reads."""
 
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
@@ -142,7 +142,10 @@ def parse_texts(text: str, design: Design, where: str) -> Texts:
     for name, items in (("questionnaire", design.questionnaire), ("ratings", design.ratings)):
         for item in items:
             _check_item(texts, item, where, name)
-    _check_places(texts, model, {f"items.{item.item}.text" for item in design.ratings}, where)
+    for item in design.questionnaire:
+        if "{card}" in texts.items[item.item].text:
+            raise TextsError(f"{where}: items.{item.item}.text: {{card}} is for questions after a trial")
+    _check_places(texts, model, where)
     return texts
 
 
@@ -155,12 +158,12 @@ def _check_item(texts: Texts, item: Item, where: str, of: str) -> None:
             raise TextsError(f"{where}: items.{item.item}.choices.{choice} is missing")
 
 
-def _check_places(texts: Texts, model: Texts, ratings: Collection[str], where: str) -> None:
+def _check_places(texts: Texts, model: Texts, where: str) -> None:
     """Every {place} must be one that is filled in there; the card must name its whole task."""
     known = {key: set(_places(words)) for key, words in _leaves(msgspec.to_builtins(model))}
     for key, words in _leaves(msgspec.to_builtins(texts)):
         part = key.partition(".")[0]
-        allowed = known.get(key, set()) if part != "items" else {"card"} if key in ratings else set()
+        allowed = {"card"} if part == "items" else known.get(key, set())
         allowed = allowed | (OF_DESIGN if part in TOLD else set())
         for place in _places(words):
             if place not in allowed:
