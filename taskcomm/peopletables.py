@@ -22,7 +22,7 @@ class Person:
 
     @property
     def consent(self) -> bool | None:
-        """Whether consent was given, and never refused; None where there is no answer, or nobody was asked."""
+        """Whether consent was given and never refused; None where there is no answer or nobody was asked."""
         agreed = [line["values"].get("agreed") for line in self.done if line["kind"] == "consent"]
         return all(agreed) if agreed else None
 

@@ -60,7 +60,7 @@ def _own_files(out: Path, whole: Path, command: str, content: Mapping[str, bytes
     in_the_way = changed or [name for name in own if name in content]
     if in_the_way:
         raise OutputError(
-            f"{out}: {in_the_way[0]} was changed since it was exported, and would be lost; name another folder"
+            f"{out}: {in_the_way[0]} was changed since it was exported and would be lost; name another folder"
         )
     return own
 
