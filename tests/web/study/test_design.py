@@ -122,7 +122,7 @@ BAD = {
     'name = "a"\nteachers = 2\n[operators]\ndraw = 3\n' + OPERATED: "operators.draw: 3 for 2 teachers",
     'name = "a"\n[operators]\n' + OPERATED + "horizon = 3": "conditions[0]: model, horizon and",
     'name = "a"\nquestionnaire = [{item="q", kind="scale", low=1}]': "questionnaire[0]: 'q' needs whole",
-    'name = "a"\nquestionnaire = [{item="q", kind="scale", low=1, high=20}]': "questionnaire[0]: a scale has at",
+    'name = "a"\nquestionnaire = [{item="q", kind="scale", low=1, high=20}]': "questionnaire[0]: a scale",
     'name = "a"\nratings = [{item="q", kind="choice", choices=["y"]}]': "ratings[0]: 'q' needs two choices",
     'name = "a"\nratings = [{item="q", kind="text", low=1}]': "ratings[0]: 'q' is a text, which has no low",
     'name = "a"\nratings = [{item="age", kind="text"}]': "questionnaire and ratings: age is there twice",
