@@ -92,7 +92,7 @@ def uncertainty(
         if highest is None or highest.above < CLOSE:
             break
         centre = climb_smoothly(objective, highest.top)[0]
-    return intervals.profiled(items, limits, level, objective.value(centre))
+    return intervals.profiled(items, limits, level, centre)
 
 
 def profile_curve(
@@ -216,13 +216,14 @@ class _Intervals:
         return limits
 
     def profiled(
-        self, items: Sequence[Held], found: Sequence[Limits], level: float, top: float
+        self, items: Sequence[Held], found: Sequence[Limits], level: float, highest: Floats
     ) -> Uncertainty:
         limits = {name: each for item, each in zip(items, found, strict=True) for name in self.named(item)}
-        above = max(0.0, top - self.objective.value(self.centre))
+        above = max(0.0, self.objective.value(highest) - self.objective.value(self.centre))
         within = [each.within for each in found if len(each.within)]
         draws = np.concatenate([vector_of(self.result.model)[None], *within])
-        return self.assembled(limits, "likelihood", level, above, draws)
+        all_of_it = self.assembled(limits, "likelihood", level, above, draws)
+        return replace(all_of_it, highest=self.objective.space.vector(highest)) if above > 0 else all_of_it
 
     def errors(self) -> tuple[Floats, Floats]:
         """Standard errors of the natural parameters, and those that allow for teachers who differ."""

@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal, Self
 
 import numpy as np
 
@@ -14,10 +14,13 @@ from learn.optimum import TOLERANCE, Slopes
 from learn.statistics import full, vanished
 from taskcomm.lattice import Floats
 
-Kind = Literal["converged", "at a bound", "iteration limit", "slope left", "not monotone", "degenerate"]
+Kind = Literal[
+    "converged", "at a bound", "iteration limit", "slope left", "not monotone", "degenerate", "surpassed"
+]
 TRUSTED = ("converged", "at a bound")
 FLAT = 1e-3
 NO_LOSS = 0.01
+SURPASSED = 0.1  # nats
 BEND_STEP = 1e-4
 
 
@@ -27,8 +30,9 @@ class Certificate:
 
     `kind` is the gravest that holds: "degenerate" (the maximum is no estimate, see `degeneracies`),
     "iteration limit" (EM was still rising), "slope left" (a one-sided slope above `tolerance`), "not
-    monotone" (the objective fell somewhere on the way), "at a bound" (some parameter lies at one; a
-    remark), "converged". `reasons` are sentences on why a fit is not to be trusted, empty where it is.
+    monotone" (the objective fell somewhere on the way), "surpassed" (the profiles of its intervals found a
+    model more than SURPASSED nats more likely), "at a bound" (some parameter lies at one; a remark),
+    "converged". `reasons` are sentences on why a fit is not to be trusted, empty where it is.
 
     `log_likelihood` (nats) is that of the presses, `objective` with the priors. `endings` says where each
     start ended, and `basins` on how many hills, see `learn.basins.endings`. `em_alone` is the best
@@ -67,6 +71,14 @@ class Certificate:
         if self.trusted:
             return "converged"
         return f"{'degenerate' if self.kind == 'degenerate' else 'not converged'}: {'; '.join(self.reasons)}"
+
+    def with_profiles(self, above: float) -> Self:
+        """The certificate once profiles have looked beside the fit, and found one `above` it, in nats."""
+        if not above > SURPASSED:
+            return self
+        reason = f"a model {above:.2f} nats more likely lies beside it: more starts may find it"
+        kind: Kind = "surpassed" if self.trusted else self.kind
+        return replace(self, kind=kind, reasons=(*self.reasons, reason))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON; what is not a finite number is None."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from learn.conclude import conclude
-from learn.coordinates import NAMES, Coordinates, parameters_at
+from learn.coordinates import NAMES, Coordinates, parameters_at, vector_of
 from learn.estep import Evidence
 from learn.exposure import FitError, expose, trials_given
 from learn.imagined import pull_of
@@ -36,6 +36,7 @@ def fit(
     *,
     weights: ArrayLike | None = None,
     settings: Settings | None = None,
+    also: Sequence[TeacherModel] = (),
     progress: Progress | None = None,
     **options: Any,
 ) -> FitResult:
@@ -55,7 +56,8 @@ def fit(
     annotators labelled have one of the reasons they gave. Key states that were not recorded are summed
     over, with `dropped_mass` without the memories that hold no more than it together at any event (see
     `expose`). `weights` (trials,) multiply the log-likelihoods of the trials: whole numbers count them so
-    many times. `progress(done, total)` is called as parts of the work finish.
+    many times. `also` are models to start from beside the others. `progress(done, total)` is called as parts
+    of the work finish.
 
     Deterministic for a seed; the order of the trials does not matter (but for rounding). Raises FitError
     for trials that cannot be fitted together or with this model, see `expose`, and for one with more
@@ -84,6 +86,7 @@ def fit(
     objective = prepare(trials, world, initial, settings, weights)
     space, rng = objective.space, np.random.default_rng(settings.seed)
     starts = starting_points(initial, space, settings.starts, rng)
+    starts += [(f"given {n}", space.point(vector_of(model))) for n, model in enumerate(also, start=1)]
     begun = None if objective.observing is None else objective.observing.observation
     paths = [Path(name, point, observation=begun) for name, point in starts]
     paths = [path for path in paths if np.isfinite(objective.value(path.point))]

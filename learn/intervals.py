@@ -7,6 +7,7 @@ from typing import Any, Literal, Self
 from taskcomm.lattice import Floats
 
 Method = Literal["likelihood", "wald", "bootstrap"]
+UNKEPT = ("draws", "highest")  # in files
 How = Literal["profile", "wald", "bootstrap", "none"]
 
 
@@ -66,8 +67,9 @@ class Uncertainty:
     `method` and, for the bootstrap, `resamples` and `seed` say how they were made; `teachers` is how many
     there were. `above` (nats) is how much higher than the fit the profiles found the log-likelihood: above
     0.01 a fit with more starts would be better, and an estimate may lie off the middle of its interval.
-    `draws` (any number, 1 + 6 M) are natural parameters as far out as the intervals reach: the fits of the
-    bootstrap, or the places at most the drop down that the profiles visited. They are not kept in files.
+    `highest` (1 + 6 M,) are the natural parameters there, None where that is the fit itself. `draws` (any
+    number, 1 + 6 M) are natural parameters as far out as the intervals reach: the fits of the bootstrap, or
+    the places at most the drop down that the profiles visited. Neither is kept in files.
     """
 
     method: Method
@@ -78,6 +80,7 @@ class Uncertainty:
     resamples: int | None = None
     seed: int | None = None
     draws: Floats | None = None
+    highest: Floats | None = None
 
     def __getitem__(self, parameter: str) -> ParameterInterval:
         for interval in self.intervals:
@@ -91,7 +94,7 @@ class Uncertainty:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for a model's provenance and for JSON."""
-        document = {item.name: getattr(self, item.name) for item in fields(self) if item.name != "draws"}
+        document = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in UNKEPT}
         return document | {"intervals": [asdict(interval) for interval in self.intervals]}
 
     @classmethod

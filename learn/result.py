@@ -148,11 +148,16 @@ class FitResult:
         return tuple(rows)
 
     def with_uncertainty(self, found: Uncertainty) -> Self:
-        """The result with intervals: in its table, its audit, and the provenance of its model."""
-        result = replace(self, uncertainty=found)
+        """The result with intervals: in its table, its audit, its certificate, and its model's provenance."""
+        seen = self.certificate.with_profiles(found.above)
+        result = replace(
+            self, uncertainty=found, certificate=seen, converged=seen.trusted, status=seen.status
+        )
         finite = tuple(each for each in found.intervals if isfinite(each.estimate))  # JSON knows no other
         kept = replace(found, intervals=finite).to_dict()
-        note = {**self.model.provenance, "audit": result.audit_to_dict(), "uncertainty": kept}
+        judged = {"converged": seen.trusted, "status": seen.status, "certificate": seen.to_dict()}
+        audit = {"audit": result.audit_to_dict(), "uncertainty": kept}
+        note = {**self.model.provenance, **judged, **audit}
         return replace(result, model=replace(self.model, provenance=note))
 
     def audit_to_dict(self) -> dict[str, dict[str, Any]]:

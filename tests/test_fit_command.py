@@ -8,7 +8,12 @@ from typing import Any
 import pytest
 from taught import by_hand, operator_trials, teacher
 
+from learn import FitResult
+from learn.certainty import uncertainty
+from learn.coordinates import vector_of
+from learn.intervals import Uncertainty
 from taskcomm.cli import BAD_DATA, DONE, NOT_CONVERGED, USAGE, main
+from taskcomm.commands import fitted
 from taskcomm.logs import write_trials
 from taskcomm.teacher import TeacherModel
 
@@ -158,3 +163,23 @@ def test_what_memories_left_out_may_cost_is_said(tmp_path: Path, capsys: pytest.
         capsys.readouterr().out
     )
     assert run("fit", log, *options, "--dropped-mass", 0.5) == USAGE
+
+
+def test_a_fit_that_its_intervals_surpass_is_made_again_and_if_they_still_do_ends_with_4(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[FitResult] = []
+
+    def surpassed(result: FitResult, trials: Any, **options: Any) -> Uncertainty:
+        asked.append(result)
+        found = uncertainty(result, trials, **options)
+        return replace(found, above=0.5, highest=vector_of(teacher()))
+
+    monkeypatch.setattr(fitted, "uncertainty", surpassed)
+    out = tmp_path / "m.json"
+    assert run("fit", log, "--starts", 1, "--intervals", "wald", "--jobs", 1, "--out", out) == NOT_CONVERGED
+    told = capsys.readouterr()
+    assert "the intervals found a model 0.50 nats more likely than the fit: fitting again" in told.err
+    assert [[start.name for start in each.starts] for each in asked] == [["initial"], ["initial", "given 1"]]
+    assert "NOT TO BE TRUSTED: surpassed" in told.out
+    assert TeacherModel.load(out).provenance["certificate"]["trusted"] is False

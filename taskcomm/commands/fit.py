@@ -8,6 +8,7 @@ import typer
 
 from learn import fit
 from learn.prior import Prior
+from learn.result import FitResult
 from learn.settings import Settings
 from learn.timescale import settings_at, within
 from taskcomm.commands import cues, fitted
@@ -16,6 +17,7 @@ from taskcomm.commands.output import result_file, run_record, write_record
 from taskcomm.commands.terminal import Terminal
 from taskcomm.cuetable import read_with_places
 from taskcomm.logs import log_files
+from taskcomm.teacher import TeacherModel
 
 
 def run(
@@ -73,12 +75,17 @@ def run(
         )  # fmt: skip
         chosen = within(settings_at(start.dt, chosen), longest)
         fitted.say_widened(start, longest, terminal)
-        with naming(places), terminal.progress("fitting", starts + 2) as progress:
-            result = fit(
-                trials, world=world, initial=start, settings=chosen,
-                progress=lambda done, _total: progress(done),
-            )  # fmt: skip
-            result = fitted.with_intervals(result, trials, intervals, seed, jobs, terminal)
+
+        def fitted_from(*also: TeacherModel) -> FitResult:
+            with terminal.progress("fitting", starts + len(also) + 2) as progress:
+                return fit(
+                    trials, world=world, initial=start, settings=chosen, also=also,
+                    progress=lambda done, _total: progress(done),
+                )  # fmt: skip
+
+        with naming(places):
+            result = fitted_from()
+            result = fitted.with_intervals(result, trials, intervals, seed, jobs, terminal, again=fitted_from)
         result.model.save(part)
         found = None
         if tables and folds > 1:

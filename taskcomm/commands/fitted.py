@@ -1,9 +1,11 @@
 """A fit, told: the table of parameters, the certificate, and the same as JSON."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 from learn.certainty import uncertainty
+from learn.certificate import SURPASSED
+from learn.coordinates import model_at
 from learn.exposure import FitError
 from learn.intervals import Method, Uncertainty
 from learn.report import parameter_table
@@ -13,28 +15,47 @@ from taskcomm.commands.terminal import Terminal
 from taskcomm.teacher import TeacherModel
 from taskcomm.trials import Trial
 
-MORE_LIKELY = 0.1
-
 
 def with_intervals(
-    result: FitResult, trials: Sequence[Trial], kind: str, seed: int, jobs: int, terminal: Terminal
+    result: FitResult,
+    trials: Sequence[Trial],
+    kind: str,
+    seed: int,
+    jobs: int,
+    terminal: Terminal,
+    again: Callable[[TeacherModel], FitResult],
 ) -> FitResult:
     """The fit with its intervals, of `kind` likelihood, wald or bootstrap; as it is with none.
 
-    A degenerate fit gets none: there is nothing to be sure of. Raises FitError where there can be none.
+    Where the profiles find a model more likely than the fit, it is made `again`, begun from that one too; if
+    they still do, the certificate says so. A degenerate fit gets none: there is nothing to be sure of.
+    Raises FitError where there can be none.
     """
     if kind == "none" or result.certificate.kind == "degenerate":
         return result
+    found = _found(result, trials, kind, seed, jobs, terminal)
+    if found.above > SURPASSED and found.highest is not None:
+        terminal.message(
+            f"the intervals found a model {found.above:.2f} nats more likely than the fit: fitting again,"
+            " from there too"
+        )
+        result = again(model_at(found.highest, result.model))
+        found = _found(result, trials, kind, seed, jobs, terminal)
+    return result.with_uncertainty(found)
+
+
+def _found(
+    result: FitResult, trials: Sequence[Trial], kind: str, seed: int, jobs: int, terminal: Terminal
+) -> Uncertainty:
     total = 200 if kind == "bootstrap" else len(result.certificate.kinks) + result.num_free
     try:
         with terminal.progress("intervals", total) as progress:
-            found = uncertainty(
+            return uncertainty(
                 result, trials, method=cast(Method, kind), seed=seed, jobs=jobs,
                 progress=lambda done, _: progress(done),
             )  # fmt: skip
     except ValueError as error:
         raise FitError(f"--intervals {kind}: {error}") from None
-    return result.with_uncertainty(found)
 
 
 def say_widened(start: TeacherModel, longest: float | None, terminal: Terminal) -> None:
@@ -102,8 +123,3 @@ def say(result: FitResult, trials: int, terminal: Terminal) -> None:
         terminal.line(f"  {line}")
     for remark in result.wider_remarks:
         terminal.line(f"- {remark}")
-    above = 0.0 if result.uncertainty is None else result.uncertainty.above
-    if above > MORE_LIKELY:
-        terminal.message(
-            f"warning: beside the fit lies a model {above:.2f} nats more likely: more --starts may find it"
-        )

@@ -154,5 +154,6 @@ def test_a_decay_without_which_the_presses_are_as_likely_is_marked_and_not_calle
 def test_a_decay_that_the_presses_need_is_not_marked() -> None:
     fading = teacher()
     tops = {state: replace(top, decay=2.0) for state, top in fading.approvals.items()}
-    found = fit(operator_trials(20, replace(fading, approvals=tops)), WORLD, starts=1, decays="shared")
+    trials = operator_trials(20, replace(fading, approvals=tops))
+    found = fit(trials, WORLD, starts=1, decays="shared", search=False)
     assert found.marks["that_mov.decay"] != AS_NONE

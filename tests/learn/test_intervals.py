@@ -12,10 +12,12 @@ from taught import WORLD, operator_trials, teacher
 from learn import FitError, FitResult, Uncertainty, fit, uncertainty
 from learn.bands import table_top_bands
 from learn.certainty import profile_curve
+from learn.coordinates import model_at
 from learn.interval_figure import coverage_plot, profile_plot
 from learn.intervals import ParameterInterval, interval_text
 from learn.plots import table_top
 from learn.profile import AGAIN, CLOSE
+from taskcomm.teacher import TeacherModel
 from taskcomm.trials import Trial
 
 STARTS = 6
@@ -82,9 +84,23 @@ def test_from_a_fit_short_of_the_best_the_intervals_are_those_of_the_best() -> N
     assert short.objective < fitted().objective - 0.05
     found, expected = uncertainty(short, trials()), by("likelihood")
     assert found.above == pytest.approx(fitted().objective - short.objective, abs=0.05)
+    assert found.highest is not None
+    again = fit(trials(), WORLD, starts=1, search=False, also=[model_at(found.highest, short.model)])
+    assert again.objective > short.objective + found.above - 1e-6
     for name in ("mistake", "that_dist.peak"):
         ends = [(each.low, each.high) for each in (found[name], expected[name])]
         assert ends[0] == pytest.approx(ends[1], rel=0.02)
+
+
+def test_a_fit_that_its_own_intervals_surpass_is_not_to_be_trusted() -> None:
+    found = by("likelihood")
+    assert fitted().with_uncertainty(replace(found, above=0.09)).certificate == fitted().certificate
+    judged = fitted().with_uncertainty(replace(found, above=0.5))
+    assert (judged.certificate.kind, judged.converged) == ("surpassed", False)
+    assert "a model 0.50 nats more likely lies beside it" in judged.status
+    kept = TeacherModel.from_json(judged.model.to_json()).provenance
+    assert kept["certificate"] == judged.certificate.to_dict()
+    assert (kept["converged"], kept["status"]) == (False, judged.status)
 
 
 def test_a_trial_counted_twice_is_two_trials() -> None:
