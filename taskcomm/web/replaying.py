@@ -141,6 +141,7 @@ def _believed(shown: Replay, trial: Trial, name: str, model: TeacherModel) -> Re
     """With the belief of a robot that has `model`, the reasons, and the numbers that go with them."""
     path = belief_path(trial, model)
     belief = _rounded(path.to_json()) | {"model": name, "robot": dict(trial.robot_model or {})}
+    belief["likeliest"] = [list(trial.world.tasks[index]) for index in path.marginal.argmax(axis=1)]
     notes = []
     try:
         reasons = [_rounded(reason.to_json()) for reason in press_reasons(trial, model)]

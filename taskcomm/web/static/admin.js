@@ -86,12 +86,17 @@ class Admin {
 
   #server({ trials, clients, late_ms: late, missed, simulated }) {
     this.badge.hidden = !simulated;
-    const shown = [`${trials} trials running`, `${clients} pages connected`, `latest tick ${ms(late)} late`, `${missed} steps missed`];
+    const shown = [
+      `${trials} ${trials === 1 ? "trial runs" : "trials run"}`,
+      `${clients} ${clients === 1 ? "page" : "pages"} connected`,
+      `latest tick ${ms(late)} late`,
+      `${missed} ${missed === 1 ? "step" : "steps"} missed`,
+    ];
     this.server.textContent = shown.join(" · ");
   }
 }
 
-const ms = (value) => (value === null || value === undefined ? "–" : `${value < 10 ? value.toFixed(1) : Math.round(value)} ms`);
+const ms = (value) => (value === null || value === undefined ? "" : `${value < 10 ? value.toFixed(1) : Math.round(value)} ms`);
 const STATES = { run: "running", count: "counting down", pause: "paused", over: "over" };
 
 // Name, text, and when it is worth a look.
@@ -105,8 +110,8 @@ const COLUMNS = [
   ["Step", (one) => (one.t === null || one.t < 0 ? "" : String(one.t))],
   ["Latest tick", (one) => ms(one.late_ms), (one) => one.late_ms > 50],
   ["Round trip", (one) => ms(one.rtt_ms), (one) => one.rtt_ms > 250],
-  ["Key lost", (one) => String(one.lost), (one) => one.lost > 0],
-  ["Defaults", (one) => String(one.defaults)],
+  ["Key lost", (one) => (one.t === null ? "" : String(one.lost)), (one) => one.lost > 0],
+  ["Defaults", (one) => (one.t === null ? "" : String(one.defaults))],
 ];
 
 /** The table of participants; its rows stay, so that the focus does. */
@@ -237,6 +242,6 @@ class Live {
   }
 
   know(one) {
-    if (one) this.facts.textContent = `${one.trial ?? "no trial"} · ${one.condition ?? ""} · ${this.presses} presses seen here · key lost in ${one.lost} steps`;
+    if (one) this.facts.textContent = `${one.trial ?? "no trial"} · ${one.condition ?? ""} · ${this.presses} ${this.presses === 1 ? "press" : "presses"} seen here · key lost in ${one.lost} steps`;
   }
 }

@@ -2,7 +2,7 @@
 
 import { set, svg } from "./dom.js";
 
-const [WIDTH, LEFT, RIGHT] = [860, 58, 44];
+const [WIDTH, LEFT, RIGHT] = [860, 88, 40];
 const [LANE, GAP, AXIS] = [20, 16, 34];
 const HEIGHTS = { entropy: 86, part: 100 };
 // The palette of Okabe and Ito as far as it shows on white; dashes tell the lines apart without it.

@@ -40,7 +40,7 @@ export class Reasons extends Presses {
     this.rows = replay.presses.map((press) => this.#row(press));
     const states = this.#states();
     const noted = replay.presses.some((press) => press.noted);
-    const heads = ["Press at", ...states.map((state) => meaning(state)[0]), "Labels", ...(noted ? ["Truly"] : [])];
+    const heads = ["Press at", ...states.map((state) => meaning(state)[0]), "Labels", ...(noted ? ["In truth"] : [])];
     const caption = "Why each press was made: bars with the whole trial known, ticks as believed just then";
     parent.append(
       el(

@@ -9,14 +9,24 @@ import { TrialList } from "./triallist.js";
 import { told, words } from "./words.js";
 import { WorldView } from "./world.js";
 
+const KEYS = "Keys: space plays; arrows go a step; n and p go from press to press; b plays what led here";
 const say = words();
-const typing = (target) => /^(INPUT|SELECT|TEXTAREA)$/.test(target.tagName) && target.type !== "radio";
+const WALKS = /^(Arrow|Page|Home|End)/;
+
+/** Whether the key belongs to the control that has the focus. */
+function taken({ target, key }) {
+  if (target.tagName === "BUTTON") return key === " " || key === "Enter";
+  if (target.type === "range") return WALKS.test(key);
+  if (target.type === "radio") return WALKS.test(key) || key === " ";
+  return /^(INPUT|SELECT|TEXTAREA)$/.test(target.tagName);
+}
 
 /** The view of an annotator; main.js calls it. */
 export function start(root, wire, welcome) {
   root.lang = "en";
-  const heading = el("header", { class: "bar" }, el("h1", {}, welcome.title), el("p", {}, `Annotator ${welcome.name}`));
-  const place = el("section");
+  root.classList.add("tool");
+  const heading = el("header", { class: "head" }, el("h1", {}, welcome.title), el("p", { class: "facts" }, `Annotator ${welcome.name}`));
+  const place = el("section", { "aria-label": "Trials" });
   root.append(heading, place);
   return new Replays(place, wire, false);
 }
@@ -29,7 +39,6 @@ export class Replays {
     this.problem = el("p", { class: "problem", role: "alert" });
     this.listing = el("div");
     this.playing = el("div");
-    parent.classList.add("tool");
     parent.append(this.problem, this.listing, this.playing);
     this.list = new TrialList(this.listing, full, (trial) => this.open(trial));
     this.models = [];
@@ -104,9 +113,7 @@ export class Replays {
   #key(event) {
     if (!this.player || !this.playing.isConnected || this.playing.offsetParent === null) return;
     if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
-    const button = event.target.tagName === "BUTTON" && event.key === " ";
-    if (typing(event.target) || button || event.key === "Enter") return;
-    if (this.player.key(event)) event.preventDefault();
+    if (!taken(event) && this.player.key(event)) event.preventDefault();
   }
 }
 
@@ -133,6 +140,7 @@ class Player {
       count: replay.frames.length,
       dt: replay.dt,
       jumps: replay.presses.map((press) => press.t + 1),
+      time: (at) => this.#seconds(at),
       moved: (at, played) => this.#show(at, played),
       told: (at) => this.#words(at),
     });
@@ -143,6 +151,7 @@ class Player {
       if (replay.reasons.length) this.table = new Reasons(below, replay, pick);
     } else if (replay.presses.length) this.table = this.labels = new Labels(right, replay, pick, label);
     else right.append(el("p", {}, "There is no press in this trial: nothing to label."));
+    parent.append(el("p", { class: "help" }, KEYS + (this.labels ? "; digits label the marked press" : "") + "."));
   }
 
   key(event) {
@@ -159,11 +168,18 @@ class Player {
     this.line.textContent = this.#words(at);
   }
 
+  /** The end of the step at position `at`; Final takes no time. */
+  #seconds(at) {
+    const { frames, dt } = this.replay;
+    const final = frames.at(-1).final.length > 0;
+    return Math.min(at, frames.length - (final ? 2 : 1)) * dt;
+  }
+
   /** The state at position `at` in words. */
   #words(at) {
-    const { frames, dt, belief } = this.replay;
+    const { frames, belief } = this.replay;
     const frame = frames[at];
-    const when = frame.t < 0 ? "Before the first step." : `${(Math.min(at, frames.length) * dt).toFixed(1)} s.`;
+    const when = frame.t < 0 ? "Before the first step." : `${this.#seconds(at).toFixed(1)} s.`;
     const done = told(say, frame) || (frame.t < 0 ? "" : "The robot does nothing.");
     const pressed = this.presses.has(frame.t) ? "The teacher presses." : "";
     return [when, done, pressed, belief ? this.#believed(Math.min(at, belief.time.length - 1)) : ""].filter(Boolean).join(" ");
@@ -172,7 +188,9 @@ class Player {
   #believed(at) {
     const { belief } = this.replay;
     const entropy = belief.entropy[at].toFixed(2);
-    return `Likeliest: ${belief.likeliest[at]} with ${belief.highest[at].toFixed(2)}; entropy ${entropy} nats.`;
+    const [mov, wrt, dist] = belief.likeliest[at];
+    const task = say("card_picture", { mov, wrt, dist }).toLowerCase();
+    return `Likeliest: ${task}, with ${belief.highest[at].toFixed(2)}; entropy ${entropy} nats.`;
   }
 }
 
@@ -184,7 +202,8 @@ function modelChoice(models, now, choose) {
 
 /** What is known of a trial, in a line. An annotator's says nothing of conditions. */
 function facts({ about, card, frames, presses }) {
-  const task = card.length ? `card: Mov ${card[0]}, WRT ${card[1]}, Dist ${card[2]}` : "card unknown";
+  const [mov, wrt, dist] = card;
+  const task = card.length ? `card: ${say("card_picture", { mov, wrt, dist }).toLowerCase()}` : "card unknown";
   if (!about.trial) return `${task} · ${presses.length} presses`;
   const ended = { final: about.correct === null ? "Final" : about.correct ? "Final, right" : "Final, wrong", timeout: "timeout", aborted: "aborted" };
   const said = [

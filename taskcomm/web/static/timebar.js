@@ -4,14 +4,17 @@ import { el } from "./dom.js";
 
 const SPEEDS = [0.5, 1, 2, 4, 8];
 
+const BEFORE = 5; // seconds that are played before a press
+
 /**
  * A position among `count` frames. `moved(at, played)` is called at every change; `jumps` are the positions of
- * presses, `told(at)` says in words where the slider stands. `dt` is the time of a frame in seconds.
+ * presses, `time(at)` is in seconds, `told(at)` says in words where the slider stands; `dt` is a frame's time.
  */
 export class TimeBar {
-  constructor(parent, { count, dt, jumps, moved, told }) {
-    Object.assign(this, { count, dt, jumps, moved, told });
+  constructor(parent, { count, dt, jumps, time, moved, told }) {
+    Object.assign(this, { count, dt, jumps, time, moved, told });
     this.at = 0;
+    this.until = count - 1;
     this.slider = el("input", {
       type: "range", min: 0, max: count - 1, step: 1, value: 0, class: "slider", "aria-label": "Time",
       oninput: () => this.go(Number(this.slider.value)),
@@ -29,10 +32,11 @@ export class TimeBar {
         "div",
         { class: "timebar", role: "group", "aria-label": "Time bar" },
         this.button,
-        small("⏮", "Press before (p)", () => this.jump(-1)),
         small("◀", "One step back (left arrow)", () => this.go(this.at - 1)),
         small("▶", "One step on (right arrow)", () => this.go(this.at + 1)),
-        small("⏭", "Next press (n)", () => this.jump(1)),
+        small("◀ press", "The press before (p)", () => this.jump(-1)),
+        small("press ▶", "The next press (n)", () => this.jump(1)),
+        small(`last ${BEFORE} s`, `Play the last ${BEFORE} seconds (b)`, () => this.again()),
         this.slider,
         this.clock,
         el("label", { class: "speed" }, "Speed ", this.speed),
@@ -46,8 +50,7 @@ export class TimeBar {
     if (!played) this.pause();
     this.at = Math.max(0, Math.min(this.count - 1, at));
     this.slider.value = this.at;
-    const end = (this.count - 1) * this.dt;
-    this.clock.textContent = `${(this.at * this.dt).toFixed(1)} of ${end.toFixed(1)} s`;
+    this.clock.textContent = `${this.time(this.at).toFixed(1)} of ${this.time(this.count - 1).toFixed(1)} s`;
     this.slider.setAttribute("aria-valuetext", this.told(this.at));
     this.moved(this.at, played);
   }
@@ -56,6 +59,14 @@ export class TimeBar {
   jump(direction) {
     const ahead = this.jumps.filter((at) => direction * (at - this.at) > 0);
     if (ahead.length) this.go(direction > 0 ? ahead[0] : ahead.at(-1));
+  }
+
+  /** Plays the seconds that led here, up to here. */
+  again() {
+    const until = this.at;
+    this.go(until - Math.round(BEFORE / this.dt));
+    this.until = until;
+    this.#restart();
   }
 
   toggle() {
@@ -71,6 +82,7 @@ export class TimeBar {
   pause() {
     clearInterval(this.timer);
     this.timer = null;
+    this.until = this.count - 1;
     this.#drawButton();
   }
 
@@ -81,8 +93,8 @@ export class TimeBar {
   }
 
   #tick() {
-    if (this.at >= this.count - 1) this.pause();
-    else this.go(this.at + 1, true);
+    if (this.at < this.until) this.go(this.at + 1, true);
+    if (this.at >= this.until) this.pause();
   }
 
   #drawButton() {
@@ -99,6 +111,7 @@ export class TimeBar {
     else if (event.key === "End") this.go(this.count - 1);
     else if (event.key === "n") this.jump(1);
     else if (event.key === "p") this.jump(-1);
+    else if (event.key === "b") this.again();
     else return false;
     return true;
   }

@@ -14,6 +14,7 @@ const COLUMNS = [
   ["Labelled", (row) => `${row.labelled} of ${row.presses}`],
   ["End", ended, "full"],
   ["Key lost", (row) => row.lost, "full"],
+  ["Defaults", (row) => row.defaults, "full"],
   ["Data", (row) => row.source],
 ];
 
