@@ -26,7 +26,7 @@ def study(folder: Path, json: bool, **options: Any) -> int:
     def say(address: str) -> None:
         _say_links(terminal, opened, address, folder)
         terminal.line(f"{address}: serving {opened.design.title!r} ({folder}); Ctrl-C ends it")
-        terminal.line(f"admin      {address}/#{opened.tokens['admin']['']}")
+        terminal.line(f"admin      {address}/#{opened.tokens['admin']['admin']}")
         for role in ("operator", "annotator"):
             for name, token in opened.tokens.get(role, {}).items():
                 terminal.line(f"{role:<10} {address}/#{token}  {name}")
@@ -57,7 +57,7 @@ def one_trial(out: Path | None, stay: bool, json: bool, **asked: Any) -> int:
         terminal.line(f"teach the robot here    {address}/#{teacher}")
         for token in opened.tokens.get("operator", {}).values():
             terminal.line(f"control the robot here  {address}/#{token}  (where the teacher cannot see it)")
-        terminal.line(f"look on, replay         {address}/#{opened.tokens['admin']['']}")
+        terminal.line(f"look on, replay         {address}/#{opened.tokens['admin']['admin']}")
         sys.stdout.flush()
 
     def over(house: Any) -> bool:

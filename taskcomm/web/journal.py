@@ -5,6 +5,7 @@ import os
 import queue
 import threading
 from collections import OrderedDict
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -69,7 +70,8 @@ class Journal:
         except OSError as reason:
             error = reason
         for job in jobs:
-            job.loop.call_soon_threadsafe(_settle, job.done, error)
+            with suppress(RuntimeError):  # nobody waits any more: the loop is closed
+                job.loop.call_soon_threadsafe(_settle, job.done, error)
 
     def _opened(self, path: Path) -> int:
         if path in self._files:

@@ -63,7 +63,9 @@ class Answer(FromClient, tag="answer"):
 
 
 class Act(FromClient, tag="act"):
-    """Operator: `action` as it prints (`light_on(1)`), or `final`, for the step after `t`, which is shown."""
+    """Operator: `action` as it prints (`light_on(1)`), or `final`, chosen while step `t` was shown.
+
+    It counts if it is valid when it comes, in that step or the one after; the last of a step is taken."""
 
     t: Annotated[int, Meta(ge=-1, le=2**53)]
     action: Name

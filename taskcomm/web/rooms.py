@@ -16,8 +16,9 @@ from taskcomm.web.client import REFUSED, REPLACED, Client
 from taskcomm.web.journal import torn_end
 from taskcomm.web.pilots import OperatorPilot, Pilot, PlannerPilot
 from taskcomm.web.protocol import Acknowledged, Answer, Frame, Page, PageKind, Press, Pressed, Problem, Saved
+from taskcomm.web.study.answers import AnswerError, checked, rating_lines
 from taskcomm.web.study.assignment import Participant, TrialPlan
-from taskcomm.web.study.pages import AnswerError, PageSpec, checked, declined, pages, rating_lines
+from taskcomm.web.study.pages import PageSpec, declined, pages
 from taskcomm.web.trialrun import TrialRun, utc
 
 if TYPE_CHECKING:

@@ -56,7 +56,7 @@ def serve(
     ready: Callable[[str], None] | None = None,
     until: Callable[[House], bool] | None = None,
 ) -> None:
-    """Serve a study until interrupted, or until `until(house)`, asked twice a second, is true.
+    """Serve a study until interrupted, or until `until(house)`, asked ten times a second, is true.
 
     Pages may come from the server's own address, and from `origins` (where a proxy gives it another name).
     `ready` is called with the server's address (`http://127.0.0.1:8000`) when it can be used. Everything is
@@ -104,5 +104,5 @@ async def _run(
     while not running.done():
         if until is not None and until(house):
             server.should_exit = True
-        await asyncio.wait({running}, timeout=0.5)
+        await asyncio.wait({running}, timeout=0.1)
     await running
