@@ -99,9 +99,11 @@ class Admin {
 const ms = (value) => (value === null || value === undefined ? "" : `${value < 10 ? value.toFixed(1) : Math.round(value)} ms`);
 const STATES = { run: "running", count: "counting down", pause: "paused", over: "over" };
 
+const running = (one) => one.t !== null && one.state !== "over";
+
 // Name, text, and when it is worth a look.
 const COLUMNS = [
-  ["Connected", (one) => (one.connected ? "yes" : "no"), (one) => !one.connected && one.state === "run"],
+  ["Connected", (one) => (one.connected ? "yes" : "no"), (one) => !one.connected && running(one)],
   ["Page", (one) => `${Math.min(one.page + 1, one.of)} of ${one.of}: ${one.kind}`],
   ["Trial", (one) => one.trial ?? ""],
   ["Condition", (one) => one.condition ?? ""],
@@ -120,16 +122,12 @@ class People {
     Object.assign(this, { watch, order, replay, rows: new Map() });
     this.problem = el("p", { class: "problem", role: "alert" });
     this.body = el("tbody");
-    const heads = ["Participant", ...COLUMNS.map(([name]) => name), "", ""];
+    const names = ["Participant", ...COLUMNS.map(([name]) => name), "Running trial", "Logged trials"];
+    const heads = names.map((name) => el("th", { scope: "col" }, name));
     const help = "Key lost: steps of the running trial whose key was not recorded. Defaults: steps without a decision in time.";
     parent.append(
       this.problem,
-      el(
-        "table",
-        { class: "people" },
-        el("thead", {}, el("tr", {}, ...heads.map((head) => el("th", { scope: "col" }, head)))),
-        this.body,
-      ),
+      el("div", { class: "wide" }, el("table", { class: "people" }, el("thead", {}, el("tr", {}, ...heads)), this.body)),
       el("p", { class: "help" }, help),
     );
   }
@@ -182,7 +180,7 @@ class People {
       if (cells[i].textContent !== text(one)) cells[i].textContent = text(one);
       cells[i].classList.toggle("odd", Boolean(odd?.(one)));
     });
-    const runs = one.t !== null && one.state !== "over";
+    const runs = running(one);
     const paused = one.state === "pause";
     pause.dataset.what = paused ? "go_on" : "pause";
     pause.textContent = paused ? "Go on" : "Pause";
@@ -233,7 +231,7 @@ class Live {
     this.world ??= new WorldView(this.view, { say });
     if (frame.t <= 0) this.presses = 0;
     this.world.show(frame);
-    this.line.textContent = [`Step ${Math.max(frame.t, 0)}.`, STATES[frame.state] + ".", told(say, frame)].join(" ");
+    this.line.textContent = `Step ${Math.max(frame.t, 0)}, ${STATES[frame.state]}. ${told(say, frame)}`;
   }
 
   press() {

@@ -107,6 +107,8 @@ export class Charts {
       );
     }
     this.svg.append(svg("text", { class: "tick left", x: WIDTH - RIGHT, y: this.bottom + 32 }, "time in seconds"));
+    const legend = "✓ on the card · black: presses · grey: key not recorded";
+    this.svg.append(svg("text", { class: "tick", x: LEFT, y: this.bottom + 32 }, legend));
   }
 
   #presses() {

@@ -162,6 +162,7 @@ class Player {
     const frame = this.replay.frames[at];
     this.world.show(frame, { animate: played });
     if (this.presses.has(frame.t)) this.world.press();
+    else if (!played) this.world.svg.classList.remove("pressed"); // that of where we come from
     this.charts?.show(at);
     this.table?.show(frame.t);
     this.line.setAttribute("aria-live", played ? "off" : "polite");
