@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from learn.bootstrap import Interval, ratio_interval
-from learn.study_trials import Missing, teacher_of
+from learn.study_trials import Missing, source_note, teacher_of
 from taskcomm.belief import ImpossibleObservation
 from taskcomm.lattice import LatticeTooLarge
 from taskcomm.levels import Floats
@@ -46,6 +46,25 @@ def believed(trials: Sequence[Trial], model_of: ModelOf) -> tuple[list[Believed]
         disputed = sum(step not in truth for step in trial.labelled)
         found.append(Believed(trial, model, path, reasons, truth, disputed))
     return found, left_out
+
+
+def models_note(of: Sequence[Believed]) -> str:
+    """Which models the beliefs are of, by name or hash."""
+    named = {one.model.sha256: (one.trial.robot_model or {}) for one in of}
+    names = sorted(
+        {
+            f"{model.get('name')!r}" if model.get("sha256") == sha else f"sha256 {sha[:12]}"
+            for sha, model in named.items()
+        }
+    )
+    return f"the robot's teacher model{'s' if len(names) > 1 else ''} {', '.join(names)}"
+
+
+def planned_note(of: Sequence[Believed]) -> str:
+    """How many trials of which source these are, and their conditions where there are several."""
+    conditions = sorted({one.trial.condition for one in of})
+    several = f" ({', '.join(conditions)})" if len(conditions) > 1 else ""
+    return f"{source_note([one.trial for one in of])} with the planner{several}"
 
 
 def accuracy_rows(of: Sequence[Believed]) -> list[dict[str, Any]]:

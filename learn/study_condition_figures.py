@@ -105,10 +105,9 @@ def _rating_caption(trials: Sequence[Trial], item: str, of: dict[str, dict[str, 
     return (
         f"Ratings of {item!r} by condition, {source_note(trials)} of"
         f" {counted(len({teacher_of(trial) for trial in trials}), 'teacher')}. Circles: ratings, with the"
-        " number of"
-        " teachers in them; each line is a teacher (thicker: more of them), dashed where the rating on"
-        " the right"
-        f" is higher. Diamonds: means with Student's 95% intervals. Means: {means}. {' '.join(said)}"
+        " number of teachers in them; each line is a teacher (thicker: more of them), dashed where the"
+        f" rating on the right is higher. Diamonds: means with Student's 95% intervals. Means: {means}."
+        f" {' '.join(said)}"
     ).strip()
 
 
@@ -126,7 +125,7 @@ def time_figure(trials: Sequence[Trial]) -> StudyFigure:
     every = [time for values in times.values() for time in values]
     edges = bin_edges(every)
     ended = [trial for trial in trials if time_to_final(trial) is not None]
-    figure, (ax,) = figure_of(2.2, 1, source_note(ended))
+    figure, (ax,) = figure_of(2.4, 1, source_note(ended))
     wide = (edges[1] - edges[0]) * 0.9 / len(times)
     counts = {name: np.histogram(values, edges)[0] for name, values in times.items()}
     for place, (name, count) in enumerate(counts.items()):
@@ -156,7 +155,7 @@ def time_figure(trials: Sequence[Trial]) -> StudyFigure:
     ax.set_xlabel("seconds until Final (triangles: means)", labelpad=5)
     ax.tick_params(axis="x", pad=5)
     ax.set_ylabel("trials")
-    ax.legend(loc="upper right", borderaxespad=0.1)
+    figure.legend(loc="outside lower center", ncols=2 if len(times) < 5 else 1)
     rows = [
         {"from_seconds": float(low), "to_seconds": float(high)}
         | {name: int(count[place]) for name, count in counts.items()}
@@ -188,8 +187,7 @@ def _time_caption(
     left = ", ".join(f"{number} {reason}" for reason, number in sorted(without.items()))
     return (
         f"Histogram of the times until the robot displayed Final, by condition, in {source_note(ended)};"
-        " bins of"
-        f" {edges[1] - edges[0]:g} s. {means}."
+        f" bins of {edges[1] - edges[0]:g} s. {means}."
         + (f" Final showed the right task in {sum(known)} of {len(known)}." if known else "")
         + (f" Without Final, and not shown: {left}." if left else "")
     )

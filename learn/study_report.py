@@ -5,17 +5,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from learn.plots import csv_text
-from learn.study_belief_figures import accuracy_figure, entropy_figure, marginals_figure, recovery_figure
+from learn.study_belief_figures import accuracy_figure, entropy_figure
 from learn.study_beliefs import Believed, ModelOf, believed, typical_recovery, typical_trial
 from learn.study_condition_figures import rating_figures, time_figure
 from learn.study_statistics import paired_rows, statistics_text, summary_rows
 from learn.study_style import StudyFigure, write_captions
+from learn.study_trial_figures import marginals_figure, recovery_figure
 from learn.study_trials import Missing, by_planner, source_note
 from taskcomm.trials import Trial
 
 TYPICAL = (
-    "Chosen by rule: of the trials with the planner that ended rightly, the one of median length (of two, the"
-    " shorter)."
+    "Chosen by rule: of the trials with the planner that ended rightly, the one of median length (of two,"
+    " the shorter)."
 )
 NAMED = "The trial was named by hand."
 

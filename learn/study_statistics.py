@@ -150,9 +150,8 @@ def statistics_text(trials: Sequence[Trial], seed: int = 0) -> str:
     ]
     parts = [
         f"{source_note(trials).capitalize()} of {teachers}: {counts}. Intervals are 95%: of means Student's"
-        " over"
-        " teachers, of shares Clopper and Pearson's over trials. Times are of trials that showed Final; a"
-        f" timeout is not right.{_unfinished(trials)}",
+        " over teachers, of shares Clopper and Pearson's over trials. Times are of trials that showed Final;"
+        f" a timeout is not right.{_unfinished(trials)}",
         markdown_table(["measure, condition", "n", "mean", "sd", "median", "95% interval"], rows),
     ]
     return "\n\n".join(parts + _differences(trials, seed)) + "\n"
@@ -189,10 +188,8 @@ def _differences(trials: Sequence[Trial], seed: int) -> list[str]:
     ]
     about = (
         "Differences within teachers, the first condition minus the second. The bootstrap resamples"
-        " teachers; the"
-        " signed-rank test (Wilcoxon) is exact with its ties, differences of zero dropped; the sign test"
-        " too is"
-        " exact. Both are two-sided. No correction for several measures."
+        " teachers; the signed-rank test (Wilcoxon) is exact with its ties, differences of zero dropped; the"
+        " sign test too is exact. Both are two-sided. No correction for several measures."
     )
     return [about, markdown_table(columns, rows), *said]
 

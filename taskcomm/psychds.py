@@ -80,10 +80,8 @@ def readme(title: str, about: Sequence[str], tables: Sequence[Table], study: str
         *about,
         "## Tables",
         "Every column is described in `dataset_description.json` (Psych-DS) and, table by table with types"
-        " and"
-        " keys, in `datapackage.json` (Frictionless Data Package). Files are UTF-8, with commas; an empty"
-        " cell is"
-        " a missing value. The columns of the key, together, tell the rows of a table apart.",
+        " and keys, in `datapackage.json` (Frictionless Data Package). Files are UTF-8, with commas; an"
+        " empty cell is a missing value. The columns of the key, together, tell the rows of a table apart.",
         "\n".join(["| file | what it holds | key | rows |", "|---|---|---|---:|", *rows]),
         "## Raw data",
         raw,

@@ -173,11 +173,11 @@ class _Study:
                 else []
             ),
             *([self.design.description] if self.design.description else []),
-            f"Trials in which a teacher tells a robot by presses of the spacebar alone which of"
+            "Trials in which a teacher tells a robot by presses of the spacebar alone which of"
             f" {self.design.world.balls} balls belongs at which of {self.design.world.distances} distances"
-            " from which"
-            f" other. {len(self.trials)} trials of {len(people)} {teachers} so far: {conditions}; steps of"
-            f" {self.design.timing.step:g} s. {len(self.practice)} trials of practice are marked as such.",
+            f" from which other. {len(self.trials)} trials of {len(people)} {teachers} so far: {conditions};"
+            f" steps of {self.design.timing.step:g} s. {len(self.practice)} trials of practice are marked as"
+            " such.",
         ]
 
     def _advice(self) -> list[str]:
@@ -185,17 +185,14 @@ class _Study:
             return []
         return [
             "Before this is given to others: look through the answers for what could identify somebody, and"
-            " add to"
-            " `dataset_description.json` who made it (`author`), a `license` and how to cite it"
+            " add to `dataset_description.json` who made it (`author`), a `license` and how to cite it"
             " (`citation`).",
         ]
 
     def _raw_text(self) -> str:
         return (
             f"`{PRIMARY}/` holds the logs as they were written: `trials` and `practice` (JSON Lines, schema"
-            " taskcomm.trial/1), `sessions` (pages done, with the answers). `materials/` holds the design"
-            " of the study,"
-            " the words that participants read, the assignment as drawn, and models. Links and tokens are"
-            " not part of"
-            " the data set; neither are logs or answers of participants who declined."
+            " taskcomm.trial/1), `sessions` (pages done, with the answers). `materials/` holds the design of"
+            " the study, the words that participants read, the assignment as drawn, and models. Links and"
+            " tokens are not part of the data set; neither are logs or answers of participants who declined."
         )

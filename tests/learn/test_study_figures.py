@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from ratedstudy import labelled, of_condition, rated, unrated
 
-from learn.study_belief_figures import accuracy_figure, entropy_figure, marginals_figure, recovery_figure
+from learn.study_belief_figures import accuracy_figure, entropy_figure
 from learn.study_beliefs import (
     Believed,
     accuracy,
@@ -26,6 +26,7 @@ from learn.study_beliefs import (
 from learn.study_condition_figures import bin_edges, rating_figures, time_figure
 from learn.study_report import StudyReport, study_report, write_study_report
 from learn.study_style import WIDTH
+from learn.study_trial_figures import marginals_figure, recovery_figure
 from learn.study_trials import Missing
 from taskcomm.replay import press_reasons
 from taskcomm.teacher import TeacherModel
