@@ -220,9 +220,14 @@ def _reasons_of_a_press(
     return {state: shares[state] for state in states}
 
 
+def is_at_dt(trial: Trial, model: TeacherModel) -> bool:
+    """Whether the model's step is the trial's."""
+    return bool(np.isclose(model.dt, trial.dt, rtol=1e-9, atol=0.0))
+
+
 def check_dt(trial: Trial, model: TeacherModel) -> None:
     """Raise ModelError unless the model's step is the trial's."""
-    if not np.isclose(model.dt, trial.dt, rtol=1e-9, atol=0.0):
+    if not is_at_dt(trial, model):
         raise ModelError(
             f"dt: the model is for steps of {model.dt:g} s, trial {trial.trial_id} has {trial.dt:g} s;"
             " convert the model with with_dt()"

@@ -8,9 +8,9 @@ from typing import Any
 from taskcomm.belief import Belief, ImpossibleObservation
 from taskcomm.observation import SignalError
 from taskcomm.planner import EntropyPlanner
-from taskcomm.replay import check_dt
+from taskcomm.replay import is_at_dt
 from taskcomm.robot import Final, Robot
-from taskcomm.teacher import ModelError, TeacherModel
+from taskcomm.teacher import TeacherModel
 from taskcomm.trials import Step, Trial
 from taskcomm.world import is_goal
 
@@ -64,10 +64,10 @@ class Verification:
 def verify(trial: Trial, models: Iterable[TeacherModel] = ()) -> Verification:
     """Run a trial again and compare every choice, Final and its task included.
 
-    The planner is the one that the log describes, and believes what it says of the key; its model is the one
-    of `models`, or the intuitive one, whose sha256 is in the log. A `default` action stands, and the run goes
-    on from it. Where an operator controlled the robot, its actions are compared with what the world allows
-    and the task displayed with what the world shows.
+    The planner is the one that the log describes, and believes what it says of the key. Its model is the one
+    of `models`, or the intuitive one, whose sha256 is in the log, converted to the log's step if need be. A
+    `default` action stands, and the run goes on from it. Where an operator controlled the robot, its actions
+    are compared with what the world allows and the task displayed with what the world shows.
 
     Raises UnverifiableTrial.
 
@@ -86,18 +86,16 @@ def verify(trial: Trial, models: Iterable[TeacherModel] = ()) -> Verification:
 
 
 def _model_of(trial: Trial, models: Iterable[TeacherModel]) -> TeacherModel:
+    """The model of the trial's robot: one of these, or converted to the trial's step."""
     named = trial.robot_model or {}
     wanted = named.get("sha256")
     for model in (*models, TeacherModel.intuitive()):
-        if model.sha256 == wanted:
-            try:
-                check_dt(trial, model)
-            except ModelError as error:
-                raise UnverifiableTrial(str(error)) from None
-            return model
+        for candidate in (model, model.with_dt(trial.dt)):
+            if candidate.sha256 == wanted and is_at_dt(trial, candidate):
+                return candidate
     raise UnverifiableTrial(
         f"trial {trial.trial_id}: the robot had the model {named.get('name')!r} with sha256"
-        f" {wanted or 'unknown'}; it takes that model's file"
+        f" {wanted or 'unknown'} and steps of {trial.dt:g} s; it takes that model's file"
     )
 
 

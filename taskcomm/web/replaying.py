@@ -16,7 +16,7 @@ import msgspec
 from taskcomm.loglines import decode
 from taskcomm.logreader import LogReader
 from taskcomm.logwriter import TrialWriter
-from taskcomm.replay import belief_path, check_dt, press_reasons
+from taskcomm.replay import belief_path, is_at_dt, press_reasons
 from taskcomm.teacher import ModelError, TeacherModel
 from taskcomm.trials import Trial
 from taskcomm.web.frames import frame
@@ -84,8 +84,9 @@ def _row(trial: Trial, annotator: str | None) -> dict[str, Any]:
 def opened(folder: Folder, trial_id: str, model: str | None = None, annotator: str | None = None) -> Replay:
     """A trial to be shown: to an admin with the belief under `model` and the reasons of its presses.
 
-    Without a `model`, it is the robot's own, where the folder has it, else the intuitive one. Raises
-    ReplayError for a trial or a model that is not there, and ModelError for a model that does not fit.
+    Without a `model`, it is the robot's own, where the folder has it, else the intuitive one; a model of
+    another step is converted, which is said. Raises ReplayError for a trial or a model that is not there, and
+    ModelError for a model that does not fit.
     """
     trial, path = _found(folder, trial_id, annotator)
     if not isinstance(trial.world, BallWorld):
@@ -143,6 +144,8 @@ def _believed(shown: Replay, trial: Trial, name: str, model: TeacherModel) -> Re
     belief = _rounded(path.to_json()) | {"model": name, "robot": dict(trial.robot_model or {})}
     belief["likeliest"] = [list(trial.world.tasks[index]) for index in path.marginal.argmax(axis=1)]
     notes = []
+    if "conversion" in model.provenance:
+        notes.append(f"The model {name} was converted {model.provenance['conversion']}.")
     try:
         reasons = [_rounded(reason.to_json()) for reason in press_reasons(trial, model)]
     except ValueError as error:  # too many presses, or impossible ones
@@ -252,11 +255,14 @@ def _loaded(name: str, path: Path | None) -> TeacherModel:
 def _model(folder: Folder, name: str | None, trial: Trial) -> tuple[str, TeacherModel]:
     if name is None:
         own = (trial.robot_model or {}).get("sha256")
-        known = _models(folder)
-        name = next((each for each, model in known.items() if model and model.sha256 == own), INTUITIVE)
+        known = {each: _fitting(model, trial) for each, model in _models(folder).items() if model}
+        name = next((each for each, model in known.items() if model.sha256 == own), INTUITIVE)
     files = _model_files(folder)
     if name not in files:
         raise ReplayError(f"there is no model {name!r}; there are {', '.join(files)}")
-    model = _loaded(name, files[name])
-    check_dt(trial, model)
-    return name, model
+    return name, _fitting(_loaded(name, files[name]), trial)
+
+
+def _fitting(model: TeacherModel, trial: Trial) -> TeacherModel:
+    """The model at the trial's step."""
+    return model if is_at_dt(trial, model) else model.with_dt(trial.dt)

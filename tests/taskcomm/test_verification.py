@@ -212,6 +212,16 @@ def test_a_model_is_known_by_its_parameters_and_asked_for_where_missing(trial: T
     assert not verify(replace(trial, robot_model=claimed), (learned,)).same
 
 
+def test_a_model_that_was_converted_to_the_step_of_the_trial_is_found() -> None:
+    slow = MODEL.with_dt(1.0)
+    robot = Robot(WORLD, slow, EntropyPlanner(WORLD, slow, horizon=2))
+    trial = run_trial(robot, SimulatedTeacher(WORLD, slow, WORLD.tasks[3]), np.random.default_rng(1))
+    assert trial.dt == 1.0
+    assert verify(trial).same
+    with pytest.raises(UnverifiableTrial, match=r"steps of 0\.5 s"):
+        verify(replace(trial, dt=0.5))
+
+
 @pytest.mark.parametrize("settings", [{"horizon": None}, {"horizon": 0}, {"threshold": 2.0}, {"gamma": "x"}])
 def test_a_planner_that_is_not_described_is_one_error(trial: Trial, settings: dict[str, Any]) -> None:
     described = {**(trial.planner or {}), **settings}

@@ -105,6 +105,20 @@ def test_the_belief_as_it_ran_is_that_under_the_robots_own_model(folder: Folder)
     assert by_operator["model"] == "intuitive"
 
 
+def test_a_model_of_another_step_is_converted_and_that_is_said(folder: Folder) -> None:
+    own = TeacherModel.intuitive().with_dt(0.25)
+    robot = {"name": "intuitive", "sha256": own.sha256}
+    quick = replace(trial_of(folder, SHORT), dt=0.25, robot_model=robot)
+    write_trials([quick], folder.trials_dir / f"{SHORT}.jsonl")
+    shown = opened(folder, SHORT)
+    assert shown.belief is not None
+    assert shown.belief["model"] == "intuitive"
+    np.testing.assert_allclose(shown.belief["entropy"], belief_path(quick, own).entropy, atol=1e-6)
+    assert shown.about["notes"] == [
+        "The model intuitive was converted from dt = 0.5 s to 0.25 s, approximate."
+    ]  # fmt: skip
+
+
 def test_an_annotator_sees_no_belief_condition_controller_or_label_of_another(folder: Folder) -> None:
     labelled(folder, SHORT, 0, "mistake", "bob")
     for trial in (SHORT, BY_OPERATOR):

@@ -48,6 +48,7 @@ def annotating(browser: Browser, folder: SimpleNamespace) -> Iterator[tuple[Stag
         page.get_by_role("button", name=NAME).click()
         assert stage.until("open") == [{"type": "open", "trial": NAME, "model": None}]
         stage.say(replay)
+        expect(line(page)).to_be_visible()
         yield stage, page, replay
 
 
@@ -61,6 +62,7 @@ def looking(browser: Browser, folder: SimpleNamespace) -> Iterator[tuple[Stage, 
         page.get_by_role("button", name=NAME).click()
         stage.until("open")
         stage.say(replay)
+        expect(line(page)).to_be_visible()
         yield stage, page, replay
 
 
