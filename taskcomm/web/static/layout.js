@@ -8,6 +8,7 @@
 const TURNS = Array.from({ length: 145 }, (_, i) => ((i % 2 ? 1 : -1) * Math.ceil(i / 2) * Math.PI) / 72);
 const RADIUS = { 2: 64, 3: 64, 4: 54, 5: 46, 6: 40 };
 const GAP = 5; // between two things that stand beside one another
+const WIDE = 1.5; // width to height of what is seen
 const FREE = 118; // half the width of the robot showing Final
 
 /** How large everything is. `first` and `step`: the distances 1 and from one to the next, centre to centre. */
@@ -37,10 +38,12 @@ export function homeOf(ball, size) {
 const ray = (point, angle, size) =>
   Array.from({ length: size.distances }, (_, k) => turned(point, angle, size.first + k * size.step));
 
-/** The frame that holds all homes with some margin: what is seen of the world. */
+/** What is seen of the world at least: all homes with some margin, and as wide as screens are. */
 function box(size) {
   const homes = Array.from({ length: size.balls }, (_, i) => homeOf(i + 1, size));
-  return around([...homes, { x: 0, y: 0 }], size.radius + 34);
+  const bounds = around([...homes, { x: 0, y: 0 }], size.radius + 34);
+  const wide = (WIDE * (bounds.bottom - bounds.top)) / 2;
+  return { ...bounds, left: Math.min(bounds.left, -wide), right: Math.max(bounds.right, wide) };
 }
 
 function around(points, margin) {
@@ -60,11 +63,11 @@ const into = (point, others, size) =>
   Math.max(0, size.radius + GAP + size.free - Math.hypot(point.x, point.y));
 
 /**
- * The angle of the ray of `ball` at `reference`, clear of the balls `at` their points, of homes, of the points
- * to `avoid`, in that order of weight. The angle `kept` from before stays while no ball is in its way; where
+ * The angle of the ray of `ball` at `reference`, clear of the balls `at` their points, of homes, and `apart` from
+ * the points to `avoid`, in that order of weight. The angle `kept` from before stays while no ball is in its way; where
  * the ball stands at a distance, `only` that point of the ray matters for this.
  */
-function aimed(ball, reference, { at, kept, avoid, bounds, size, only }) {
+function aimed(ball, reference, { at, kept, avoid, apart, bounds, size, only }) {
   const start = at.get(reference);
   const wanted = towards(start, homeOf(ball, size));
   const others = [...at].filter(([other]) => other !== ball).map(([, point]) => point);
@@ -73,13 +76,16 @@ function aimed(ball, reference, { at, kept, avoid, bounds, size, only }) {
     if (points.every((point) => into(point, others, size) === 0)) return kept;
   }
   const homes = Array.from({ length: size.balls }, (_, i) => homeOf(i + 1, size)).filter((_, i) => i + 1 !== ball);
+  const here = at.has(ball) ? [at.get(ball)] : []; // no mark is hidden by the ball where it is
   const worst = (points, measure) => Math.max(0, ...points.map(measure));
+  const hidden = (p) => worst(here, (q) => size.radius + size.mark + GAP - between(p, q));
   const cost = (turn) => {
     const points = ray(start, wanted + turn, size);
-    const crossed = worst(points, (p) => worst(avoid, (q) => 2 * size.mark + GAP - between(p, q)));
+    const crossed = worst(points, (p) => worst(avoid, (q) => apart + GAP - between(p, q)));
     return (
       Math.abs(turn) +
       50 * worst(points, (point) => into(point, others, size)) +
+      10 * worst(points, hidden) +
       3 * worst(points, (point) => into(point, homes, size)) +
       crossed +
       0.02 * worst(points, (point) => outside(point, bounds, size.radius))
@@ -106,7 +112,7 @@ export function arrange(frame, before = null) {
   const bounds = box(size);
   const same = before?.size.balls === size.balls && before.size.distances === size.distances;
   const kept = (ball, reference) => (same ? before.angles.get(`${ball}/${reference}`) : undefined);
-  const [at, angles] = [new Map(), new Map()];
+  const [at, angles, avoid] = [new Map(), new Map(), []];
   const placements = inOrder(frame.placements);
   const placedBalls = new Set(placements.map(([ball]) => ball));
   for (let ball = 1; ball <= size.balls; ball += 1) {
@@ -115,9 +121,11 @@ export function arrange(frame, before = null) {
   for (const [ball, reference, distance] of placements) {
     const old = kept(ball, reference);
     const only = frame.held === ball ? 0 : distance;
-    const angle = aimed(ball, reference, { at, kept: old, avoid: [], bounds, size, only });
+    const angle = aimed(ball, reference, { at, kept: old, avoid, apart: 2 * size.radius, bounds, size, only });
     angles.set(`${ball}/${reference}`, angle);
-    at.set(ball, ray(at.get(reference), angle, size)[distance - 1]);
+    const points = ray(at.get(reference), angle, size);
+    avoid.push(...points);
+    at.set(ball, points[distance - 1]);
   }
   const rays = frame.held ? raysOf(frame.held, { at, angles, kept, bounds, size }) : [];
   const placed = placements.map(([ball, reference, distance]) => ({ ball, reference, distance }));
@@ -140,14 +148,15 @@ function raysOf(held, { at, angles, kept, bounds, size }) {
       const avoid = references.filter((one) => one !== reference).flatMap((one) => points.get(one) ?? []);
       const before = round === 1 ? kept(held, reference) : angles.get(`${held}/${reference}`);
       const settled = before !== undefined && !crosses(points.get(reference), avoid, size);
-      put(reference, aimed(held, reference, { at, kept: settled ? before : undefined, avoid, bounds, size, only: 0 }));
+      const known = { at, avoid, apart: size.radius + size.mark, bounds, size, only: 0 };
+      put(reference, aimed(held, reference, { ...known, kept: settled ? before : undefined }));
     }
   }
   return references.map((reference) => ({ reference, points: points.get(reference) }));
 }
 
 const crosses = (points = [], others, size) =>
-  points.some((p) => others.some((q) => between(p, q) < 2 * size.mark));
+  points.some((p) => others.some((q) => between(p, q) < size.radius + size.mark));
 
 const united = (a, b) => ({
   left: Math.min(a.left, b.left),

@@ -78,6 +78,7 @@ class Desk {
     this.frame = frame;
     this.told.textContent = told(this.say, frame) || this.told.textContent;
     if (frame.t !== this.t || frame.state === "over") this.#offer(frame.t, [], "");
+    else this.#marked();
   }
 
   on_choices({ t, actions, chosen }) {

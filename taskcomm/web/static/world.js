@@ -8,7 +8,9 @@ const SLIDE = 300; // ms that a ball needs to its new place
 const FLASH = 500; // ms that a press is shown
 const STRIP = 92; // world units below the balls, where presses are shown
 const ROBOT = 62; // half the robot's side
-const LAYERS = ["rays", "links", "arm", "robot", "balls", "marks", "labels", "press"];
+const LAYERS = ["rays", "links", "arm", "machine", "balls", "marks", "labels", "press"];
+
+const SIDES = ["left", "top", "right", "bottom"];
 
 const calm = () => window.matchMedia("(prefers-reduced-motion: reduce)").matches;
 
@@ -33,7 +35,6 @@ export class WorldView {
     this.#marks();
     this.#robot();
     this.#states();
-    this.#look(this.layout.view);
     this.#glide(animate && before !== null && !calm() && !document.hidden);
   }
 
@@ -48,6 +49,7 @@ export class WorldView {
   #begin() {
     const { size } = this.layout;
     this.now.clear();
+    this.seen = null;
     this.balls = new Map();
     this.layers.balls.replaceChildren();
     for (let ball = 1; ball <= size.balls; ball += 1) {
@@ -79,7 +81,7 @@ export class WorldView {
   #robot() {
     const { final, count, state } = this.frame;
     const text = final.length ? this.say("final") : count > 0 && state !== "over" ? String(count) : "";
-    this.layers.robot.replaceChildren(robotPicture(text, final.length > 0));
+    this.layers.machine.replaceChildren(robotPicture(text, final.length > 0));
   }
 
   #states() {
@@ -91,18 +93,22 @@ export class WorldView {
     this.svg.classList.toggle("final", this.frame.final.length > 0);
   }
 
-  #look({ left, top, right, bottom }) {
+  #look(view) {
+    this.seen = view;
+    const { left, top, right, bottom } = view;
     set(this.svg, { viewBox: `${left} ${top} ${right - left} ${bottom - top + STRIP}` });
     const width = 420;
     set(this.press_, { x: (left + right - width) / 2, y: bottom + 22, width, height: STRIP - 40 });
   }
 
-  /** From where the balls are drawn now to where the layout has them. */
+  /** From where the balls are drawn now, and from what is seen now, to where the layout has them. */
   #glide(moving) {
     const [from, start] = [new Map(this.now), performance.now()];
-    const to = this.layout.at;
+    const { at: to, view } = this.layout;
+    const seen = this.seen ?? view;
     cancelAnimationFrame(this.next);
     const draw = (part) => {
+      this.#look(Object.fromEntries(SIDES.map((side) => [side, seen[side] + (view[side] - seen[side]) * part])));
       for (const [ball, end] of to) {
         const begin = from.get(ball) ?? end;
         this.now.set(ball, { x: begin.x + (end.x - begin.x) * part, y: begin.y + (end.y - begin.y) * part });
@@ -114,7 +120,8 @@ export class WorldView {
       draw(part * part * (3 - 2 * part));
       if (part < 1) this.next = requestAnimationFrame(tick);
     };
-    if (moving && [...to].some(([ball, end]) => far(this.now.get(ball), end) > 0.5)) this.next = requestAnimationFrame(tick);
+    const moves = [...to].some(([ball, end]) => far(this.now.get(ball), end) > 0.5);
+    if (moving && (moves || SIDES.some((side) => seen[side] !== view[side]))) this.next = requestAnimationFrame(tick);
     else draw(1);
   }
 

@@ -38,7 +38,9 @@ class _Files(StaticFiles):
 class Stage:
     """The server's side of one page. `says` is said to each connection after its welcome."""
 
-    def __init__(self, role: Role, says: Sequence[ToClient] = (), texts: dict[str, str] | None = None) -> None:
+    def __init__(
+        self, role: Role, says: Sequence[ToClient] = (), texts: dict[str, str] | None = None
+    ) -> None:
         self.welcome = Welcome(role=role, title="A study", name="P01", language="en", texts=texts or {})
         self.says, self.address = list(says), ""
         self.heard: list[dict[str, Any]] = []
@@ -101,7 +103,9 @@ class Stage:
 def served(stage: Stage) -> Iterator[Stage]:
     """Serve it on a free port of this machine."""
     routes = [WebSocketRoute("/ws", stage.serve), Mount("/", _Files(directory=STATIC, html=True))]
-    config = uvicorn.Config(Starlette(routes=routes), log_level="error", ws="websockets-sansio")
+    config = uvicorn.Config(
+        Starlette(routes=routes), log_level="error", ws="websockets-sansio", lifespan="off"
+    )
     server, bound = uvicorn.Server(config), listening(LOOPBACK, 0)
     stage.address = f"http://{LOOPBACK}:{bound.getsockname()[1]}"
     thread = threading.Thread(target=server.run, kwargs={"sockets": [bound]})
