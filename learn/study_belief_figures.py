@@ -30,10 +30,12 @@ def accuracy_figure(of: Sequence[Believed], seed: int = 0) -> StudyFigure:
             x = [place + shift + offset for _, offset in these]
             ax.plot(x, [row[when] for row, _ in these], "o", color="white", markeredgecolor="0.1",
                     markersize=1.9, markeredgewidth=0.35, alpha=0.8)  # fmt: skip
-            bars = [[mean.estimate - mean.low], [mean.high - mean.estimate]]
-            ax.errorbar(place + shift, mean.estimate, bars, color=COLOURS[1], capsize=2.5, linewidth=1.3)
+            if mean.groups > 1:
+                bars = [[mean.estimate - mean.low], [mean.high - mean.estimate]]
+                ax.errorbar(place + shift, mean.estimate, bars, color=COLOURS[1], capsize=2.5, linewidth=1.3)
     ax.set_xticks(range(len(found)), [_state_label(state, rows) for state in found])
     ax.set_ylim(0, 1.03)
+    ax.set_yticks([0, 0.25, 0.5, 0.75, 1])
     ax.set_ylabel("P(true mental state)")
     for grey, label in ((DARK, "when pressed"), (LIGHT, "at the end of the trial")):
         ax.bar([0], [0], color=grey, edgecolor="0.2", linewidth=0.5, label=label)

@@ -1,10 +1,11 @@
 """All figures and statistics of a study as files, and a line for every one that could not be made."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from learn.plots import csv_text
+from learn.study_background import agreement_rows, answer_rows
 from learn.study_belief_figures import accuracy_figure, entropy_figure
 from learn.study_beliefs import Believed, ModelOf, believed, typical_recovery, typical_trial
 from learn.study_condition_figures import rating_figures, time_figure
@@ -80,16 +81,30 @@ def study_report(
 
 
 def write_study_report(
-    found: StudyReport, trials: Sequence[Trial], directory: Path, ending: str = "png", seed: int = 0
+    found: StudyReport,
+    trials: Sequence[Trial],
+    directory: Path,
+    *,
+    ending: str = "png",
+    answers: Mapping[str, Sequence[float]] | None = None,
+    seed: int = 0,
 ) -> list[Path]:
-    """Write figures with numbers and captions, statistics.csv, paired.csv and figures.md; gives the paths."""
+    """Write the figures with their numbers and captions, the statistics, and figures.md with all of it.
+
+    `answers` are those of the participants in numbers, by item. Gives the paths. No empty table is written.
+    """
     written = [path for figure in found.figures for path in figure.write(directory, ending)]
     written.append(write_captions(found.figures, directory))
-    texts = {
-        "statistics.csv": csv_text(summary_rows(trials)),
-        "paired.csv": csv_text(paired_rows(trials, seed)),
-        "statistics.md": f"# Statistics of {source_note(trials)}\n\n{statistics_text(trials, seed)}",
-        "figures.md": "\n\n".join(_page(found, trials, ending, seed)) + "\n",
+    tables = {
+        "statistics.csv": summary_rows(trials),
+        "paired.csv": paired_rows(trials, seed),
+        "participants.csv": answer_rows(answers or {}),
+        "agreement.csv": agreement_rows(trials),
+    }
+    statistics = statistics_text(trials, answers, seed)
+    texts = {name: csv_text(rows) for name, rows in tables.items() if rows} | {
+        "statistics.md": f"# Statistics of {source_note(trials)}\n\n{statistics}",
+        "figures.md": "\n\n".join(_page(found, trials, ending, statistics)) + "\n",
     }
     for name, text in texts.items():
         (directory / name).write_text(text, encoding="utf-8")
@@ -97,7 +112,7 @@ def write_study_report(
     return written
 
 
-def _page(found: StudyReport, trials: Sequence[Trial], ending: str, seed: int) -> Iterator[str]:
+def _page(found: StudyReport, trials: Sequence[Trial], ending: str, statistics: str) -> Iterator[str]:
     yield f"# Figures of {source_note(trials)}"
     if any(trial.source == "simulated" for trial in trials):
         every = all(trial.source == "simulated" for trial in trials)
@@ -108,7 +123,7 @@ def _page(found: StudyReport, trials: Sequence[Trial], ending: str, seed: int) -
         yield f"![{figure.name}]({figure.name}.{ending})"
         yield f"{figure.caption} Numbers: `{figure.name}.csv`."
     yield "## Statistics"
-    yield statistics_text(trials, seed).strip()
+    yield statistics.strip()
     if found.not_made or found.left_out:
         yield "## Not made"
         lines = [f"{name}: {why}." for name, why in found.not_made.items()] + [

@@ -1,7 +1,7 @@
 """The numbers of a study by condition: ratings, times, share right; and conditions compared by teacher."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -10,6 +10,7 @@ import numpy as np
 from scipy import stats
 
 from learn.report import markdown_table
+from learn.study_background import background_sentences
 from learn.study_paired import Paired, exception_sentence, paired, t_interval
 from learn.study_trials import (
     as_number,
@@ -134,8 +135,13 @@ def paired_rows(trials: Sequence[Trial], seed: int = 0) -> list[dict[str, Any]]:
     ]
 
 
-def statistics_text(trials: Sequence[Trial], seed: int = 0) -> str:
-    """The statistics as a section of Markdown: tables by condition and of differences, and what they say."""
+def statistics_text(
+    trials: Sequence[Trial], answers: Mapping[str, Sequence[float]] | None = None, seed: int = 0
+) -> str:
+    """The statistics as a section of Markdown: tables by condition and of differences, and what they say.
+
+    `answers` are those of the participants in numbers, by item, such as their age.
+    """
     grouped = by_condition(trials)
     counts = ", ".join(f"{counted(len(members), 'trial')} with {name}" for name, members in grouped.items())
     teachers = counted(len({teacher_of(trial) for trial in trials}), "teacher")
@@ -154,7 +160,9 @@ def statistics_text(trials: Sequence[Trial], seed: int = 0) -> str:
         f" a timeout is not right.{_unfinished(trials)}",
         markdown_table(["measure, condition", "n", "mean", "sd", "median", "95% interval"], rows),
     ]
-    return "\n\n".join(parts + _differences(trials, seed)) + "\n"
+    background = " ".join(background_sentences(trials, answers or {}))
+    parts += [*_differences(trials, seed), *([background] if background else [])]
+    return "\n\n".join(parts) + "\n"
 
 
 def _unfinished(trials: Sequence[Trial]) -> str:

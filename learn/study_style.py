@@ -49,6 +49,7 @@ class StudyFigure:
         drawn, table, words = (directory / f"{self.name}.{end}" for end in (ending, "csv", "txt"))
         dateless = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
         with matplotlib.rc_context(PRINT):
+            self.figure.draw_without_rendering()  # ticks settle with the layout, the layout with the ticks
             self.figure.savefig(drawn, metadata=dateless[ending])
         table.write_text(csv_text(self.rows), encoding="utf-8")
         words.write_text(self.caption + "\n", encoding="utf-8")

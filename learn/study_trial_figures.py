@@ -41,6 +41,7 @@ def recovery_figure(found: Recovery) -> StudyFigure:
     mark_presses(path, ax)
     ax.annotate("mistaken", (at, 1.0), (2, 2), textcoords="offset points", fontsize=7, annotation_clip=False)
     ax.set_ylim(-0.02, 1.02)
+    ax.set_yticks([0, 0.25, 0.5, 0.75, 1])
     ax.set_ylabel("probability")
     figure.legend(loc="outside lower center", ncols=2, columnspacing=1.2)
     _held(strip, one, balls)

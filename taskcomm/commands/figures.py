@@ -1,6 +1,7 @@
 """`taskcomm figures`: the paper's figures and statistics, from the logs of a study."""
 
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -10,6 +11,7 @@ from taskcomm.commands.terminal import Terminal
 from taskcomm.studylogs import study_logs
 from taskcomm.teacher import ModelError, TeacherModel
 from taskcomm.trials import Trial
+from taskcomm.web.study.sessions import declined, lines_of
 
 
 def run(
@@ -26,7 +28,8 @@ def run(
             raise typer.BadParameter(f"no trial {trial!r} in {folder}", param_hint="--trial")
         models = _Models(folder, model)
         found = study_report(trials, models.of, trial, seed)
-        written = write_study_report(found, trials, part, ending, seed)
+        answers = _answers(folder)
+        written = write_study_report(found, trials, part, ending=ending, answers=answers, seed=seed)
         settings = {
             "folder": folder,
             "out": out,
@@ -54,6 +57,23 @@ def run(
         terminal.message(f"left out: {why}")
     terminal.line(f"{out / 'figures.md'}: all of them, with the statistics")
     return 0
+
+
+def _answers(folder: Path) -> dict[str, list[float]]:
+    """What the participants of a study answered in numbers before the trials, by item; {} of other logs."""
+    values: dict[str, list[float]] = {}
+    for path in sorted((folder / "sessions").glob("*.jsonl")):
+        lines = lines_of(path)[0]
+        if declined(lines):
+            continue
+        given: dict[str, Any] = {}
+        for line in lines:
+            if line.get("kind") == "form" and line.get("name") == "questionnaire":
+                given |= line.get("values") or {}
+        for item, value in given.items():
+            if isinstance(value, int | float) and not isinstance(value, bool):
+                values.setdefault(item, []).append(value)
+    return values
 
 
 class _Models:

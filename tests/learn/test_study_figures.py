@@ -55,6 +55,7 @@ def report() -> StudyReport:
 
 def reach(figure: Figure) -> tuple[float, float, float, float]:
     """How far what is drawn reaches out of the figure at left, bottom, right and top, in inches."""
+    figure.draw_without_rendering()
     figure.savefig(io.BytesIO(), dpi=100)
     drawn = figure.get_tightbbox()
     width, height = figure.get_size_inches()
@@ -248,7 +249,7 @@ def test_equal_studies_leave_equal_bytes_and_numbers_beside_every_figure(tmp_pat
     folders = [tmp_path / "a", tmp_path / "b"]
     for folder, ending in zip(folders, ("png", "png"), strict=True):
         folder.mkdir()
-        write_study_report(study_report(trials, intuitive), trials, folder, ending)
+        write_study_report(study_report(trials, intuitive), trials, folder, ending=ending)
     names = sorted(path.name for path in folders[0].iterdir())
     assert names == sorted(path.name for path in folders[1].iterdir())
     assert all((folders[0] / name).read_bytes() == (folders[1] / name).read_bytes() for name in names)
