@@ -58,10 +58,10 @@ def application(house: House, origins: frozenset[str]) -> Any:
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
         beat = asyncio.create_task(house.beat())
-        house.note("start", lockstep=house.timing.lockstep)
+        house.services.note("start", lockstep=house.timing.lockstep)
         yield
         beat.cancel()
-        house.note("stop")
+        house.services.note("stop")
 
     async def connect(socket: WebSocket) -> None:
         if socket.headers.get("origin") not in origins or len(house.clients) >= CONNECTIONS:

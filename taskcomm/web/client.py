@@ -72,6 +72,15 @@ class Client:
             except asyncio.QueueFull:
                 self.drop(REFUSED, "too slow")
 
+    def acknowledge(self, done: "asyncio.Future[None]", message: ToClient) -> None:
+        """Send `message` when `done` is, unless it failed."""
+
+        def say(future: "asyncio.Future[None]") -> None:
+            if not future.cancelled() and future.exception() is None:
+                self.send(message)
+
+        done.add_done_callback(say)
+
     def drop(self, code: int, reason: str) -> None:
         """Close, once what was queued has gone out (where there is room for more)."""
         if self.closing is None:

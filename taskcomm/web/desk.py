@@ -1,14 +1,11 @@
 """One operator on the server: which trial is theirs, whether they are ready, what they choose."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from taskcomm.web.client import REFUSED, REPLACED, Client
 from taskcomm.web.pilots import OperatorPilot
 from taskcomm.web.protocol import Act, Choices, Done, Message, Page, Ready, Seat, SeatState
-
-if TYPE_CHECKING:
-    from taskcomm.web.house import House
-    from taskcomm.web.rooms import Room
+from taskcomm.web.rooms import Room
 
 
 class Desk:
@@ -17,11 +14,10 @@ class Desk:
     Every trial of these rooms begins only when the operator said to be ready, whoever will control the robot.
     """
 
-    def __init__(self, house: "House", name: str) -> None:
-        self.house, self.name = house, name
+    def __init__(self, name: str, rooms: Sequence[Room], sees_card: bool) -> None:
+        self.name, self._rooms, self._sees_card = name, rooms, sees_card
         self.client: Client | None = None
         self.ready = False
-        self._rooms = [room for room in house.rooms.values() if room.participant.operator == name]
         self.room: Room | None = None
 
     def attach(self, client: Client) -> None:
@@ -42,7 +38,7 @@ class Desk:
             if self.room is not None and self.room.run is not None:
                 self.room.run.event("operator_away")
 
-    def _due(self) -> "Room | None":
+    def _due(self) -> Room | None:
         running = [room for room in self._rooms if room.run is not None]
         if running:
             return running[0]
@@ -67,11 +63,11 @@ class Desk:
         who = self.room.participant.id
         if self.room.run is None:
             return Seat(state="wait" if self.ready else "ask", participant=who)
-        card = list(plan.task) if self.house.design.operator_sees_card else []
+        card = list(plan.task) if self._sees_card else []
         state: SeatState = "control" if plan.controller == "operator" else "watch"
         return Seat(state=state, participant=who, card=card)
 
-    def ready_for(self, room: "Room") -> bool:
+    def ready_for(self, room: Room) -> bool:
         """Whether the operator is there and ready for this room's trial."""
         return self.room is room and self.ready and self.client is not None
 
@@ -80,7 +76,7 @@ class Desk:
         self.ready = False
         self.refresh()
 
-    def offer(self, room: "Room") -> None:
+    def offer(self, room: Room) -> None:
         """What can be done in this step, where the operator is in control."""
         if self.client is None or self.room is not room or room.run is None:
             return
@@ -100,12 +96,12 @@ class Desk:
                 room.begin_if_ready()
         elif room is None or room.run is None:
             return
-        elif isinstance(message, Done) and self.house.timing.lockstep:
+        elif isinstance(message, Done) and room.run.timing.lockstep:
             room.run.done("operator", message.t)
         elif isinstance(message, Act):
             self._act(room, client, message)
 
-    def _act(self, room: "Room", client: Client, act: Act) -> None:
+    def _act(self, room: Room, client: Client, act: Act) -> None:
         run = room.run
         if run is None or not isinstance(run.pilot, OperatorPilot):
             client.drop(REFUSED, "not yours to control")

@@ -1,15 +1,11 @@
 """A study on the server: its rooms, its operators' desks, who looks on, what is written where."""
 
 import asyncio
-import logging
 import time
-from typing import Any
-
-import msgspec
+from typing import Self
 
 from taskcomm.web.client import REFUSED, REPLACED, Client
 from taskcomm.web.desk import Desk
-from taskcomm.web.journal import Journal, torn_end
 from taskcomm.web.protocol import (
     Acknowledged,
     Act,
@@ -30,11 +26,8 @@ from taskcomm.web.protocol import (
     Watch,
 )
 from taskcomm.web.rooms import Room
+from taskcomm.web.services import Services
 from taskcomm.web.study.folder import Seat, StudyFolder
-from taskcomm.web.thinking import Minds, RobotPlan
-from taskcomm.web.trialrun import Timing, utc
-
-log = logging.getLogger("taskcomm")
 
 # What each role may send, beside pongs.
 _ALLOWED: dict[str, tuple[type, ...]] = {
@@ -49,48 +42,29 @@ PING_EVERY, LOG_CLOCK_EVERY, STATUS_EVERY = 2.0, 10.0, 1.0
 class House:
     """Everything that a running study holds. One event loop uses it; only the journal has a thread."""
 
-    def __init__(self, folder: StudyFolder, *, processes: int = 1, lockstep: bool = False) -> None:
-        self.folder, self.design = folder, folder.design
-        self.world = self.design.ball_world
-        asked = self.design.timing
-        self.timing = Timing(
-            step=asked.step,
-            limit=self.design.max_steps,
-            countdown=round(asked.countdown),
-            grace=asked.grace,
-            away=asked.away,
-            lockstep=lockstep,
-        )
-        self.robots = {
-            condition.name: RobotPlan(
-                self.world, folder.model(condition.model), condition.horizon, condition.threshold
+    def __init__(self, services: Services) -> None:
+        self.services, self.folder, self.design = services, services.folder, services.design
+        self.timing = services.timing
+        self.rooms = {person.id: Room(services, self, person) for person in self.folder.participants}
+        self.desks = {
+            name: Desk(
+                name,
+                [room for room in self.rooms.values() if room.participant.operator == name],
+                self.design.operator_sees_card,
             )
-            for condition in self.design.conditions
-            if condition.controller == "planner"
+            for name in self.folder.operators
         }
-        self.journal = Journal()
-        self._mend_server_log()
-        self.minds = Minds(list(dict.fromkeys(self.robots.values())), processes)
-        self.rooms = {person.id: Room(self, person) for person in folder.participants}
-        self.desks = {name: Desk(self, name) for name in folder.operators}
         self.admins: set[Client] = set()
         self.annotators: dict[str, Client] = {}
         self.clients: set[Client] = set()
-        self._tasks: set[asyncio.Task[Any]] = set()
         self._label_locks: dict[str, asyncio.Lock] = {}
 
-    def _mend_server_log(self) -> None:
-        if self.folder.server_log.exists():
-            torn_end(self.folder.server_log)
-
-    def note(self, kind: str, **fields: Any) -> None:
-        """A line in the server's own log."""
-        content = msgspec.json.encode({"utc": utc(), "kind": kind, **fields}) + b"\n"
-        try:
-            self.journal.append(self.folder.server_log, content).add_done_callback(_say_failure)
-        except RuntimeError:  # no loop yet: what is found while starting
-            with self.folder.server_log.open("ab") as file:
-                file.write(content)
+    @classmethod
+    def of(cls, folder: StudyFolder, *, processes: int = 1, lockstep: bool = False) -> Self:
+        """Of a study's folder, ready to be served."""
+        services = Services(folder, processes, lockstep)
+        services.start()
+        return cls(services)
 
     # Who comes, speaks and goes
 
@@ -98,7 +72,7 @@ class House:
         """A client has shown its token."""
         client.role, client.name = seat.role, seat.name
         self.clients.add(client)
-        self.note("connect", role=seat.role, name=seat.name)
+        self.services.note("connect", role=seat.role, name=seat.name)
         if seat.role == "teacher":
             self.rooms[seat.name].attach(client)
         elif seat.role == "operator":
@@ -123,7 +97,7 @@ class House:
         elif self.annotators.get(client.name) is client:
             del self.annotators[client.name]
         if client.role is not None:
-            self.note("disconnect", role=client.role, name=client.name)
+            self.services.note("disconnect", role=client.role, name=client.name)
 
     async def handle(self, client: Client, message: Message) -> None:
         """One message of a client that said hello; one that its role may not send drops it."""
@@ -194,14 +168,14 @@ class House:
             if any(plan is not None and plan.trial_id == label.trial for plan in at):
                 raise ValueError("this trial is not over yet")
             path, line = await asyncio.to_thread(replaying.label_line, self.folder, label, client.name)
-            await self.journal.append(path, line)
+            await self.services.journal.append(path, line)
         client.send(Acknowledged(what="label", n=label.press_seq))
 
     # Operators
 
     def refresh(self, operator: str | None) -> None:
         """An operator may have something else to do now."""
-        if operator is not None:
+        if operator is not None and self.desks:
             self.desks[operator].refresh()
 
     def operator_ready(self, room: Room) -> bool:
@@ -246,15 +220,6 @@ class House:
         }
         return Status(participants=rooms, server=server)
 
-    def acknowledge(self, client: Client, done: "asyncio.Future[None]", message: ToClient) -> None:
-        """Send `message` when `done` is, unless it failed."""
-
-        def say(future: "asyncio.Future[None]") -> None:
-            if not future.cancelled() and future.exception() is None:
-                client.send(message)
-
-        done.add_done_callback(say)
-
     # Running
 
     async def beat(self) -> None:
@@ -284,19 +249,6 @@ class House:
                 if client is not None and client.link.best is not None:
                     room.run.event("clock", role=role, **client.link.fields())
 
-    def start(self) -> None:
-        """Load the planner's kernels."""
-        began = time.monotonic()
-        self.minds.warm_up()
-        log.info("planner ready after %.1f s", time.monotonic() - began)
-
     def close(self) -> None:
         """Write what waits; end the planner's processes."""
-        self.journal.close()
-        self.minds.close()
-
-
-def _say_failure(done: "asyncio.Future[None]") -> None:
-    error = None if done.cancelled() else done.exception()
-    if error is not None:
-        log.error("the server's own log: %s", error)
+        self.services.close()

@@ -2,29 +2,46 @@
 
 import asyncio
 import logging
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import msgspec
 
-from taskcomm import __version__
-from taskcomm.logreader import LogReader
 from taskcomm.logwriter import TrialWriter
-from taskcomm.trials import Trial
 from taskcomm.web.client import REFUSED, REPLACED, Client
 from taskcomm.web.journal import torn_end
 from taskcomm.web.pilots import OperatorPilot, Pilot, PlannerPilot
-from taskcomm.web.protocol import Acknowledged, Answer, Frame, Page, PageKind, Press, Pressed, Problem, Saved
+from taskcomm.web.protocol import (
+    Acknowledged,
+    Answer,
+    Frame,
+    Page,
+    PageKind,
+    Press,
+    Pressed,
+    Problem,
+    Saved,
+    ToClient,
+)
+from taskcomm.web.services import Services
 from taskcomm.web.study.answers import AnswerError, checked, rating_lines
 from taskcomm.web.study.assignment import Participant, TrialPlan
 from taskcomm.web.study.pages import PageSpec, declined, pages
+from taskcomm.web.trialfile import lines_of, writer_of
 from taskcomm.web.trialrun import TrialRun, utc
 
-if TYPE_CHECKING:
-    from taskcomm.web.house import House
-
 log = logging.getLogger("taskcomm")
+
+
+class Surroundings(Protocol):
+    """What a room needs of the study around it: its operator, and whoever looks on."""
+
+    def refresh(self, operator: str | None) -> None: ...
+    def operator_ready(self, room: "Room") -> bool: ...
+    def offer(self, room: "Room") -> None: ...
+    def trial_over(self, room: "Room") -> None: ...
+    def watchers(self, room: "Room") -> list[Client]: ...
+    def to_admins(self, message: ToClient) -> None: ...
 
 
 class Room:
@@ -33,10 +50,11 @@ class Room:
     It is the audience of the trial that runs in it.
     """
 
-    def __init__(self, house: "House", participant: Participant) -> None:
-        self.house, self.participant = house, participant
-        self.pages: tuple[PageSpec, ...] = pages(house.design, house.folder.texts, participant)
-        self.session = house.folder.session_of(participant.id)
+    def __init__(self, services: Services, around: Surroundings, participant: Participant) -> None:
+        self.services, self.around, self.participant = services, around, participant
+        folder = services.folder
+        self.pages: tuple[PageSpec, ...] = pages(services.design, folder.texts, participant)
+        self.session = folder.session_of(participant.id)
         self.client: Client | None = None
         self.run: TrialRun | None = None
         self.writer: TrialWriter | None = None  # of the last trial, for the ratings that follow it
@@ -52,7 +70,7 @@ class Room:
             return
         torn = torn_end(self.session)
         if torn:
-            self.house.note("torn", file=self.session.name, bytes=len(torn))
+            self.services.note("torn", file=self.session.name, bytes=len(torn))
         for text in self.session.read_bytes().splitlines():
             line = msgspec.json.decode(text)
             self._lines += 1
@@ -63,7 +81,7 @@ class Room:
     def page(self) -> PageSpec:
         """The page that this participant is at."""
         if self.over:
-            return declined(self.house.folder.texts)
+            return declined(self.services.folder.texts)
         return self.pages[min(self.index, len(self.pages) - 1)]
 
     @property
@@ -96,7 +114,7 @@ class Room:
             self.client = None
             if self.run is not None:
                 self.run.teacher_away()
-            self.house.refresh(self.participant.operator)
+            self.around.refresh(self.participant.operator)
 
     def show_page(self) -> None:
         """Send the page that is due: while the robot is not ready, one that says to wait."""
@@ -105,7 +123,7 @@ class Room:
             kind: PageKind = "wait" if waits else self.page.kind
             content = self.page.content
             self.client.send(Page(index=self.index, of=len(self.pages), kind=kind, content=content))
-        self.house.refresh(self.participant.operator)
+        self.around.refresh(self.participant.operator)
 
     def press(self, client: Client, press: Press) -> None:
         """The spacebar, at most once for each number."""
@@ -117,7 +135,7 @@ class Room:
             return
         done = self.run.press(n=press.n, at=press.at, **client.link.fields())
         if done is not None:
-            self.house.acknowledge(client, done, Acknowledged(what="press", n=press.n))
+            client.acknowledge(done, Acknowledged(what="press", n=press.n))
             for other in self.watchers():
                 other.send(Pressed(t=self.run.t))
 
@@ -140,7 +158,7 @@ class Room:
             client.send(Acknowledged(what="answer", n=answer.index))
         except OSError as error:
             self._fail(error)
-            client.send(Problem(text=self.house.folder.texts.interface.get("problem_storage", "")))
+            client.send(Problem(text=self.services.folder.texts.interface.get("problem_storage", "")))
         finally:
             self._busy = False
         self.show_page()
@@ -148,19 +166,19 @@ class Room:
 
     async def _rate(self, page: PageSpec, values: dict[str, Any]) -> None:
         assert page.trial is not None
-        path = self.house.folder.log_of(page.trial)
-        writer = self.writer or self._writer(page.trial, path)
-        rated = {line["item"] for line in _lines_of(path, "rating")}
+        path = self.services.folder.log_of(page.trial)
+        writer = self.writer or writer_of(self.services, page.trial)
+        rated = {line["item"] for line in lines_of(path, "rating")}
         lines = [line for line in rating_lines(page, values) if line["item"] not in rated]
         self.writer = None  # should the writing fail, it is read again
         if lines:
-            await self.house.journal.append(path, b"".join(writer.rating(**line) for line in lines))
+            await self.services.journal.append(path, b"".join(writer.rating(**line) for line in lines))
 
     async def _done(self, page: PageSpec, values: dict[str, Any]) -> None:
         """The session log says that a page is done; then it is."""
         line = {"seq": self._lines, "type": "page", "page": self.index, "kind": page.kind, "name": page.name}
         content = msgspec.json.encode(line | {"values": values, "utc": utc()}) + b"\n"
-        await self.house.journal.append(self.session, content)
+        await self.services.journal.append(self.session, content)
         self._lines += 1
         self.index += 1
         self.over = values.get("agreed") is False
@@ -171,91 +189,53 @@ class Room:
         """Start the trial that is due, or go on with one that a crash cut, if everyone is there."""
         if self.page.kind != "trial" or self._task is not None or self.over or self.client is None:
             return
-        if self.house.operator_ready(self):
+        if self.around.operator_ready(self):
             self._task = asyncio.create_task(self._trial(self.page))
 
     async def _trial(self, page: PageSpec) -> None:
         plan = page.trial
         assert plan is not None
-        path = self.house.folder.log_of(plan)
+        path = self.services.folder.log_of(plan)
         try:
-            self.writer = self._writer(plan, path)
-            ended = bool(_lines_of(path, "trial_end"))
+            self.writer = writer_of(self.services, plan)
+            ended = bool(lines_of(path, "trial_end"))
             reason = "" if ended else await self._run(plan, path, self.writer)
             await self._done(page, {"trial_id": plan.trial_id, "reason": reason})
         except Exception as error:
             self._fail(error)
         self.run = self._task = None
-        self.house.trial_over(self)
+        self.around.trial_over(self)
         self.show_page()
 
     async def _run(self, plan: TrialPlan, path: Path, writer: TrialWriter) -> str:
-        house = self.house
-        pilot: Pilot = OperatorPilot(house.world)
+        services = self.services
+        pilot: Pilot = OperatorPilot(services.world)
         waits_for = {"teacher"} | ({"operator"} if plan.controller == "operator" else set())
         if plan.controller == "planner":
-            pilot = PlannerPilot(house.minds, house.robots[plan.condition])
+            pilot = PlannerPilot(services.minds, services.robots[plan.condition])
         run = TrialRun(
             writer,
             pilot,
-            lambda content: house.journal.append(path, content),
+            lambda content: services.journal.append(path, content),
             self,
-            house.timing,
+            services.timing,
             frozenset(waits_for),
         )
         self.run = run
         self.show_page()
         return await run.run()
 
-    def _writer(self, plan: TrialPlan, path: Path) -> TrialWriter:
-        """Of a new trial, or of one that is on disk, without what a crash tore."""
-        if path.exists():
-            torn = torn_end(path)
-            if torn:
-                self.house.note("torn", file=path.name, bytes=len(torn))
-            content = path.read_bytes()
-            if content:
-                reader = LogReader(self.house.world)
-                reader.read_bytes(path.name, content)
-                return TrialWriter(
-                    replace(reader.trials()[0], reason=None, displayed=None), content.count(b"\n")
-                )
-        return TrialWriter(self._head(plan))
-
-    def _head(self, plan: TrialPlan) -> Trial:
-        """What the first line of a trial says."""
-        house = self.house
-        planned = plan.controller == "planner"
-        described = house.robots[plan.condition].robot().description if planned else {}
-        return Trial(
-            trial_id=plan.trial_id,
-            world=house.world,
-            task=plan.task,
-            steps=(),
-            dt=house.timing.step,
-            participant_id=plan.participant_id,
-            operator_id=plan.operator_id,
-            session=house.design.name,
-            trial_index=plan.index,
-            condition=plan.condition,
-            source=house.design.source,
-            robot_model=described.get("robot_model"),
-            planner=described.get("planner"),
-            started_utc=None if house.timing.lockstep else utc(),
-            taskcomm_version=__version__,
-        )
-
     def _fail(self, error: Exception) -> None:
         """Nothing goes on in this room until the server is started again; what was acknowledged is there."""
         self.trouble = f"{type(error).__name__}: {error}"
         log.error("%s: stopped: %s", self.participant.id, self.trouble)
-        self.house.note("stopped", participant=self.participant.id, reason=self.trouble)
+        self.services.note("stopped", participant=self.participant.id, reason=self.trouble)
 
     # The audience of the trial
 
     def watchers(self) -> list[Client]:
         """Who sees this trial beside the teacher: its operator, and admins who watch."""
-        return self.house.watchers(self)
+        return self.around.watchers(self)
 
     def show(self, frame: Frame) -> None:
         """To everyone who sees this trial."""
@@ -264,12 +244,12 @@ class Room:
 
     def opened(self) -> None:
         """To the operator: the actions of this step."""
-        self.house.offer(self)
+        self.around.offer(self)
 
     def saved(self, seq: int) -> None:
         """To admins: lines are on disk."""
         if self.writer is not None:
-            self.house.to_admins(Saved(trial=self.writer.head.trial_id, seq=seq))
+            self.around.to_admins(Saved(trial=self.writer.head.trial_id, seq=seq))
 
     def status(self) -> dict[str, Any]:
         """A line of the admin's table."""
@@ -291,11 +271,3 @@ class Room:
             "lost": sum(step.pressed is None for step in steps),
             "defaults": run.defaults if run else 0,
         }
-
-
-def _lines_of(path: Path, kind: str) -> list[dict[str, Any]]:
-    """The lines of one type in a trial's log."""
-    if not path.exists():
-        return []
-    lines = [msgspec.json.decode(text) for text in path.read_bytes().splitlines()]
-    return [line for line in lines if line["type"] == kind]

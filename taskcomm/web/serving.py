@@ -63,9 +63,8 @@ def serve(
     on disk when this returns.
     """
     bound = listening(host, port)
-    house = House(folder, processes=processes, lockstep=lockstep)
+    house = House.of(folder, processes=processes, lockstep=lockstep)
     try:
-        house.start()
         taken = bound.getsockname()[1]
         name = f"[{host}]" if ":" in host else socket.gethostname() if host == "0.0.0.0" else host
         allowed = origins | origins_of(host, taken)

@@ -71,8 +71,7 @@ def served(folder: StudyFolder, *, lockstep: bool = False) -> Iterator[Served]:
     """Serve a study until the block ends; everything is on disk then."""
     bound = listening(LOOPBACK, 0)
     port = bound.getsockname()[1]
-    house = House(folder, lockstep=lockstep)
-    house.start()
+    house = House.of(folder, lockstep=lockstep)
     begun, ended = threading.Event(), threading.Event()
     loops: list[asyncio.AbstractEventLoop] = []
     address = f"http://{LOOPBACK}:{port}"
