@@ -41,9 +41,10 @@ def one_trial(out: Path | None, stay: bool, json: bool, **asked: Any) -> int:
     """Make a folder with one trial in it, serve it until that is over, say what can be done with its log."""
     needs_web()
     from taskcomm.commands.models import load_model
+    from taskcomm.web.serving import listening
     from taskcomm.web.study.folder import StudyFolder
 
-    options = {name: asked.pop(name) for name in ("host", "port", "origin")}
+    origin, bound = asked.pop("origin"), listening(asked.pop("host"), asked.pop("port"))
     terminal = Terminal(json)
     model = asked["model"]
     load_model(model, "--model")
@@ -64,7 +65,7 @@ def one_trial(out: Path | None, stay: bool, json: bool, **asked: Any) -> int:
         [room] = house.rooms.values()
         return not stay and room.finished and room.client is None
 
-    _serve(opened, say, over, **options)
+    _serve(opened, say, over, origin, bound=bound)
     log = opened.log_of(plan)
     if log.exists():
         terminal.line(f"{log}: the trial; `taskcomm replay {log} --out replay.png` shows it")

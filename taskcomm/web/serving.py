@@ -50,6 +50,7 @@ def serve(
     *,
     host: str = LOOPBACK,
     port: int = 0,
+    bound: socket.socket | None = None,
     lockstep: bool = False,
     processes: int = 1,
     origins: frozenset[str] = frozenset(),
@@ -58,17 +59,18 @@ def serve(
 ) -> None:
     """Serve a study until interrupted, or until `until(house)`, asked ten times a second, is true.
 
+    It listens on host and port (0: a free one), or on a socket that is `bound` already.
     Pages may come from the server's own address, and from `origins` (where a proxy gives it another name).
     `ready` is called with the server's address (`http://127.0.0.1:8000`) when it can be used. Everything is
     on disk when this returns.
     """
-    bound = listening(host, port)
+    bound = bound or listening(host, port)
+    host, port = bound.getsockname()[:2]
     house = House.of(folder, processes=processes, lockstep=lockstep)
     try:
-        taken = bound.getsockname()[1]
         name = f"[{host}]" if ":" in host else socket.gethostname() if host == "0.0.0.0" else host
-        allowed = origins | origins_of(host, taken)
-        asyncio.run(_run(house, bound, f"http://{name}:{taken}", allowed, ready, until))
+        allowed = origins | origins_of(host, port)
+        asyncio.run(_run(house, bound, f"http://{name}:{port}", allowed, ready, until))
     finally:
         house.close()
 

@@ -118,9 +118,9 @@ class Minds:
             return self._pools[mind].submit(_think, number, history)
 
     def close(self) -> None:
-        """End all processes."""
+        """End all processes, when each has done what it is at."""
         for pool in self._pools:
-            pool.shutdown(wait=False, cancel_futures=True)
+            pool.shutdown(cancel_futures=True)
 
     def processes(self) -> list[int]:
         """Their process numbers, for measurements."""
