@@ -16,7 +16,7 @@ export class PageScreen {
     const body = parts ? this[parts](page.content) : this.note(page);
     const progress = page.of > 1 ? say("page_progress", { page: page.index + 1, pages: page.of }) : "";
     const shown = progress && parts ? el("p", { class: "progress" }, progress) : null;
-    root.replaceChildren(el("section", { class: `page ${page.kind}` }, page.content.title ? title : null, body, this.trouble, shown));
+    root.replaceChildren(el("section", { class: `page page-${page.kind}` }, page.content.title ? title : null, body, this.trouble, shown));
     window.scrollTo(0, 0);
     title.focus({ preventScroll: true });
   }

@@ -118,22 +118,29 @@ def served(stage: Stage) -> Iterator[Stage]:
 
 
 @contextmanager
-def opened(
-    browser: Browser, stage: Stage, *, size: dict[str, int] = LAPTOP, **context: Any
-) -> Iterator[Page]:
-    """The page of `stage` in a browser; an error in the page's console fails the test."""
+def visit(browser: Browser, link: str, size: dict[str, int] = LAPTOP, **context: Any) -> Iterator[Page]:
+    """A browser of its own at `link`; an error in the page's console fails the test."""
     troubles: list[str] = []
     within = browser.new_context(viewport=size, **context)  # type: ignore[arg-type]
     page = within.new_page()
     page.on("pageerror", lambda error: troubles.append(str(error)))
     page.on("console", lambda line: troubles.append(line.text) if line.type == "error" else None)
-    page.goto(f"{stage.address}/#token")
+    page.goto(link)
     try:
         yield page
     finally:
         within.close()
     lost = ("WebSocket connection to", "ERR_CONNECTION")
     assert [text for text in troubles if not any(part in text for part in lost)] == []
+
+
+@contextmanager
+def opened(
+    browser: Browser, stage: Stage, *, size: dict[str, int] = LAPTOP, **context: Any
+) -> Iterator[Page]:
+    """The page of `stage` in a browser."""
+    with visit(browser, f"{stage.address}/#token", size, **context) as page:
+        yield page
 
 
 def frame(t: int = 0, **changed: Any) -> Frame:
