@@ -14,7 +14,7 @@ from learn.exposure import FitError, trials_given
 from learn.information import Information, information
 from learn.intervals import How, Method, ParameterInterval, Uncertainty
 from learn.mstep import Objective
-from learn.optimum import climb_smoothly
+from learn.optimum import across_breakpoints, climb_smoothly, polish
 from learn.profile import CLOSE, Profile
 from learn.resampling import groups_of, resampled
 from learn.result import FitResult
@@ -25,7 +25,7 @@ from taskcomm.trials import Trial
 from taskcomm.world import World
 
 METHODS = ("likelihood", "wald", "bootstrap")
-MOST_TOPS = 3
+MOST_TOPS, ENOUGH = 4, 0.1  # nats above at which the walks begin again at once
 Held = tuple[int, int | None]  # the coordinate of a parameter and, for a ratio, that of its divisor
 
 
@@ -85,13 +85,16 @@ def uncertainty(
             _percentiles(objective, result, draws, level), method, level, draws=draws, seed=seed
         )
     drop, items = ndtri((1 + level) / 2) ** 2 / 2, intervals.informed()
-    for _ in range(MOST_TOPS):
+    for number in range(MOST_TOPS):
         walk = Walk(objective, centre, information(objective, centre).bend, drop)
-        limits = map_in_order(walk, items, jobs, lambda done: tell(done, len(items)))
+        last = number + 1 == MOST_TOPS
+        limits = map_in_order(
+            walk, items, jobs, lambda done: tell(done, len(items)), None if last else _far_above
+        )
         highest = max(limits, key=lambda each: each.above, default=None)
         if highest is None or highest.above < CLOSE:
             break
-        centre = climb_smoothly(objective, highest.top)[0]
+        centre = _summit(objective, highest.top)
     return intervals.profiled(items, limits, level, centre)
 
 
@@ -165,6 +168,17 @@ class Walk:
         ends = (along.natural(low.point), along.natural(high.point))
         within = profile.within(self.drop + CLOSE)
         return Limits(*ends, "profile", low.open, high.open, profile.above, within, profile.highest())
+
+
+def _far_above(limits: Limits) -> bool:
+    return limits.above > ENOUGH
+
+
+def _summit(objective: Objective, point: Floats) -> Floats:
+    """The best that is found from a point that was higher than the fit, breakpoints and all."""
+    point, value = climb_smoothly(objective, point)
+    point, _ = across_breakpoints(objective, point, value)
+    return polish(objective, point, np.random.default_rng(0))[0]
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,9 @@ def map_in_order(
     items: Iterable[Item],
     jobs: int = 1,
     progress: Callable[[int], None] | None = None,
+    until: Callable[[Result], bool] | None = None,
 ) -> list[Result]:
-    """[work(item) for item in items], on `jobs` processes.
+    """[work(item) for item in items], on `jobs` processes; up to the first result that `until` is true of.
 
     Each process gets `work` once, so whatever it holds (a planner, a graph) is made once per process.
     The results depend on the items alone, not on `jobs`. `progress` is called with the number done.
@@ -54,6 +55,8 @@ def map_in_order(
             results.append(work(item))
             if progress is not None:
                 progress(len(results))
+            if until is not None and until(results[-1]):
+                break
         return results
     pool = ProcessPoolExecutor(
         min(jobs, len(items)), mp_context=get_context("spawn"), initializer=_install, initargs=(work,)
@@ -66,6 +69,9 @@ def map_in_order(
                     progress(done)
                 if done % 16 == 0:
                     _raise_first(futures)
+                if until is not None and (found := _up_to(futures, until)):
+                    pool.shutdown(wait=False, cancel_futures=True)
+                    return found
             wait(futures, return_when=FIRST_EXCEPTION)
             return [future.result() for future in futures]
         except BrokenProcessPool:
@@ -76,6 +82,18 @@ def map_in_order(
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
+
+
+def _up_to(futures: list[Any], until: Callable[[Any], bool]) -> list[Any]:
+    """The results up to the first that `until` is true of, if all before it are there; else none."""
+    found: list[Any] = []
+    for future in futures:
+        if not future.done():
+            return []
+        found.append(future.result())
+        if until(found[-1]):
+            return found
+    return []
 
 
 def _raise_first(futures: list[Any]) -> None:

@@ -183,3 +183,20 @@ def test_a_fit_that_its_intervals_surpass_is_made_again_and_if_they_still_do_end
     assert [[start.name for start in each.starts] for each in asked] == [["initial"], ["initial", "given 1"]]
     assert "NOT TO BE TRUSTED: surpassed" in told.out
     assert TeacherModel.load(out).provenance["certificate"]["trusted"] is False
+
+
+def test_that_intervals_of_delays_may_take_long_is_said_with_the_way_out_before_they_are_made(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+
+    def quick(result: FitResult, trials: Any, **options: Any) -> Uncertainty:
+        told.append(capsys.readouterr().err)
+        return uncertainty(result, trials, method="wald")
+
+    monkeypatch.setattr(fitted, "uncertainty", quick)
+    options = ("--starts", 1, "--jobs", 1, "--out", tmp_path / "m.json")
+    run("fit", log, *options)
+    run("fit", log, *options, "--delays")
+    assert "--intervals wald is quick" not in told[0]
+    assert "with delays they may take many times as long as the fit; --intervals wald is quick" in told[1]

@@ -47,7 +47,13 @@ def with_intervals(
 def _found(
     result: FitResult, trials: Sequence[Trial], kind: str, seed: int, jobs: int, terminal: Terminal
 ) -> Uncertainty:
-    total = 200 if kind == "bootstrap" else len(result.certificate.kinks) + result.num_free
+    total = 200 if kind == "bootstrap" else len(result.certificate.ridges) + result.num_free
+    learned = [name for name in ("delays", "decays", "holds") if getattr(result.settings, name)]
+    if kind == "likelihood" and learned:
+        terminal.message(
+            f"intervals from the likelihood: with {' and '.join(learned)} they may take many times as long as"
+            " the fit; --intervals wald is quick, --intervals none leaves them out"
+        )
     try:
         with terminal.progress("intervals", total) as progress:
             return uncertainty(

@@ -36,6 +36,14 @@ def test_results_come_in_order_and_do_not_depend_on_the_number_of_processes() ->
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
+def test_results_end_with_the_first_that_is_enough(jobs: int) -> None:
+    found = map_in_order(Square(os.getpid()), range(9), jobs, until=lambda result: result[0] in (16, 25))
+    assert [square for square, _ in found] == [0, 1, 4, 9, 16]
+    every = map_in_order(Square(os.getpid()), range(4), jobs, until=lambda result: result[0] > 100)
+    assert [square for square, _ in every] == [0, 1, 4, 9]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
 def test_an_error_of_the_work_is_raised_as_it_is(jobs: int) -> None:
     with pytest.raises(InvalidAction, match="no square of 3"):
         map_in_order(Square(os.getpid(), fails_at=3), range(9), jobs=jobs)
