@@ -32,11 +32,12 @@ def test_files_and_pictures_exist() -> None:
 
 
 def test_commands_and_their_options_exist(capsys: pytest.CaptureFixture[str]) -> None:
-    lines = re.findall(r"^    taskcomm (\w+)(.*)$", README, flags=re.MULTILINE)
-    named = "validate fit compare replay simulate structure population recover"
-    assert {command for command, _ in lines} == set(named.split())
+    lines = re.findall(r"^    taskcomm (study \w+|\w+)(.*)$", README, flags=re.MULTILINE)
+    named = "validate fit compare replay simulate structure population recover serve figures".split()
+    of_study = [f"study {name}" for name in ("new", "rehearse", "serve", "status", "export")]
+    assert {command for command, _ in lines} == {*named, *of_study}
     for command, rest in lines:
-        assert main([command, "--help"]) == 0
+        assert main([*command.split(), "--help"]) == 0
         shown = capsys.readouterr().out
         for option in re.findall(r"--[a-z-]+", rest):
             assert option in shown, (command, option)
