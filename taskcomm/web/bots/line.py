@@ -9,7 +9,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Origin
 
-from taskcomm.web.protocol import Act, Answer, FromClient, Hello, Ping, Pong, Press, ToAny, ToClient, Welcome
+from taskcomm.web.protocol import FromClient, Hello, Ping, Pong, ToAny, ToClient, Welcome
 
 SHUT_OUT = range(4000, 5000)  # codes of a server that wants no more of us
 _decoder = msgspec.json.Decoder(ToAny)
@@ -86,17 +86,15 @@ class Line:
             return False
         return True
 
-    def send_later(self, seconds: float, message: Press | Act | Answer) -> None:
-        """Send when so much time has gone by, if there is a line then."""
+    def send_later(self, seconds: float, message: Callable[[], FromClient]) -> None:
+        """Make and send a message when so much time has gone by, if this connection is still there."""
         task = asyncio.create_task(self._wait_and_send(seconds, message))
         self._later.add(task)
         task.add_done_callback(self._later.discard)
 
-    async def _wait_and_send(self, seconds: float, message: Press | Act | Answer) -> None:
+    async def _wait_and_send(self, seconds: float, message: Callable[[], FromClient]) -> None:
         await asyncio.sleep(seconds)
-        if not isinstance(message, Answer):
-            message.at = now_ms()
-        await self.send(message)
+        await self.send(message())
 
     async def _connected(self) -> ClientConnection:
         waiting, until = 0.05, time.monotonic() + self.patience

@@ -95,8 +95,8 @@ class OperatorBot:
             self._asked.append(str(action))
 
     async def _act(self, t: int, action: str) -> None:
-        message = Act(t=t, action=action, at=now_ms())
         if self._lockstep:
-            await self.line.send(message)
+            await self.line.send(Act(t=t, action=action, at=now_ms()))
         else:
-            self.line.send_later(latency(self.step, self._rng), message)
+            wait = latency(self.step, self._rng)
+            self.line.send_later(wait, lambda: Act(t=t, action=action, at=now_ms()))

@@ -1,6 +1,6 @@
 """A simulated participant at the teacher's page."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import aclosing
 from typing import Any
 
@@ -17,6 +17,7 @@ from taskcomm.web.protocol import (
     Answer,
     Done,
     Frame,
+    FromClient,
     Page,
     Press,
     Problem,
@@ -98,7 +99,7 @@ class TeacherBot:
         return answers(page.content["items"], last.right if last else None, steps, rng)
 
     async def _answer(self, page: Page, values: Mapping[str, Any]) -> None:
-        await self._after(0.5, Answer(index=page.index, values=dict(values)))
+        await self._after(0.5, lambda: Answer(index=page.index, values=dict(values)))
 
     async def _watch(self, frame: Frame) -> None:
         if not self.lessons:
@@ -107,14 +108,17 @@ class TeacherBot:
         if frame.state != "run":
             return
         if pressed:
-            self._presses += 1
-            await self._after(self.model.dt, Press(n=self._presses, at=now_ms()))
+            await self._after(self.model.dt, self._press)
         if self._lockstep:
             await self.line.send(Done(t=frame.t))
 
-    async def _after(self, step: float, message: Press | Answer) -> None:
+    def _press(self) -> Press:
+        self._presses += 1
+        return Press(n=self._presses, at=now_ms())
+
+    async def _after(self, step: float, message: Callable[[], FromClient]) -> None:
         """Send at once in lockstep, else at a human moment of a `step`."""
         if self._lockstep:
-            await self.line.send(message)
+            await self.line.send(message())
         else:
             self.line.send_later(latency(step, self._rng), message)
