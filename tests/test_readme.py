@@ -50,5 +50,7 @@ def test_fit_and_replay_run_as_shown(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.chdir(tmp_path)
     names = {"LOGS": "log.jsonl", "LOG": "log.jsonl", "ID": trial.trial_id}
     for command in ("validate", "fit", "replay"):
-        (line,) = re.findall(rf"^    taskcomm ({command} LOGS?\b[^#\n]*)", README, flags=re.MULTILINE)
-        assert main([names.get(word, word) for word in line.split()]) == 0, line
+        lines = re.findall(rf"^    taskcomm ({command} LOGS?\b[^#\n]*)", README, flags=re.MULTILINE)
+        assert lines
+        for line in lines:
+            assert main([names.get(word, word) for word in line.split()]) == 0, line
