@@ -43,6 +43,7 @@ def new(
         ),
     ] = None,
     teachers: Annotated[int | None, typer.Option(min=1, help="Teachers, instead of the design's.")] = None,
+    title: Annotated[str | None, typer.Option(help="Title, instead of the design's.")] = None,
     language: Annotated[str | None, typer.Option(help="Language, instead of the design's: en, de.")] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed, instead of the design's.")] = None,
     json: Json = False,

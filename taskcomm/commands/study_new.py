@@ -7,6 +7,8 @@ from taskcomm.web.study.folder import StudyFolder, template
 from taskcomm.web.study.reading import text_of
 from taskcomm.web.study.tomlwriting import amended
 
+TITLES = {"de": "Einem Roboter etwas beibringen"}  # of the shipped design in another language
+
 
 def run(
     folder: Path,
@@ -14,6 +16,7 @@ def run(
     models: list[Path] | None,
     texts: Path | None,
     teachers: int | None,
+    title: str | None,
     language: str | None,
     seed: int | None,
     json: bool,
@@ -22,7 +25,9 @@ def run(
     terminal = Terminal(json)
     text = template() if design is None else text_of(design)
     where = "study.toml" if design is None else str(design)
-    text = amended(text, where, teachers=teachers, language=language, seed=seed)
+    if design is None and title is None:
+        title = TITLES.get(language or "")
+    text = amended(text, where, teachers=teachers, title=title, language=language, seed=seed)
     study = StudyFolder.new(folder, text, models or (), texts)
     trials = sum(len(participant.trials) for participant in study.participants)
     terminal.document(
@@ -38,6 +43,11 @@ def run(
     )
     operators = f", {len(study.operators)} operators" if study.operators else ""
     terminal.line(f"{folder}: {len(study.participants)} teachers{operators}, {trials} trials drawn")
+    if any(study.drawn):
+        drawn = ", ".join(
+            f"{name} {person}" for name, person in zip(study.operators, study.drawn, strict=True)
+        )
+        terminal.line(f"Of everybody, numbered from 1, these operate: {drawn}; the others teach, in order.")
     terminal.line(f"Everyone's token is in {study.links}, which only you can read; serving prints the links.")
     terminal.line(f"The words are in {study.texts_dir}: change them before anyone takes part.")
     terminal.line(f"Next: taskcomm study serve {folder}")

@@ -122,6 +122,11 @@ class StudyFolder:
         """Ids of the operators."""
         return tuple(operator.id for operator in self._record.operators)
 
+    @property
+    def drawn(self) -> tuple[int | None, ...]:
+        """Their numbers in a pool of everybody, from 1."""
+        return tuple(operator.person for operator in self._record.operators)
+
     def log_of(self, trial: TrialPlan) -> Path:
         """Where the log of a trial is, or will be."""
         return (self.practice_dir if trial.practice else self.trials_dir) / f"{trial.trial_id}.jsonl"

@@ -40,6 +40,14 @@ def check_session(path: Path, specs: Sequence[PageSpec]) -> None:
             )
 
 
+def consented(lines: Sequence[dict[str, Any]]) -> str | None:
+    """The version of the words that a session agrees to, or None."""
+    for values in (line.get("values") for line in lines if line.get("kind") == "consent"):
+        if isinstance(values, dict) and values.get("agreed") is True:
+            return str(values.get("version"))
+    return None
+
+
 def declined(lines: Sequence[dict[str, Any]]) -> bool:
     """Whether a session says that consent was not given."""
     given = [line.get("values") for line in lines if line.get("kind") == "consent"]

@@ -6,19 +6,23 @@ from dataclasses import dataclass
 from taskcomm.web.study.assignment import Participant
 from taskcomm.web.study.folder import StudyFolder
 from taskcomm.web.study.pages import pages
-from taskcomm.web.study.sessions import declined, lines_of
+from taskcomm.web.study.sessions import consented, declined, lines_of
 from taskcomm.web.study.trialstatus import TrialStatus, trial_status
 
 
 @dataclass(frozen=True, kw_only=True)
 class ParticipantStatus:
-    """A participant: the page that is next (`at`; "done" or "declined" at the end), number `page` of `of`."""
+    """A participant: the page that is next (`at`; "done" or "declined" at the end), number `page` of `of`.
+
+    `consent` is the version of the words agreed to.
+    """
 
     id: str
     operator: str | None
     page: int
     of: int
     at: str
+    consent: str | None
     torn: bool
     problem: str | None
     trials: tuple[TrialStatus, ...]
@@ -59,13 +63,19 @@ def study_status(folder: StudyFolder) -> StudyStatus:
             found.append(f"{line.get('participant')}: stopped: {line.get('reason')}")
     for person in people:
         found += _problems(person)
+    asked = folder.design.consent.version
+    other = [
+        f"{p.id} agreed to version {p.consent} of the consent, which is now {asked}"
+        for p in people
+        if p.consent not in (None, asked) and p.at != "done"
+    ]
     return StudyStatus(
         name=folder.design.name,
         simulated=folder.design.simulated,
         participants=people,
         server=dict(Counter(str(line.get("kind")) for line in lines)),
         problems=tuple(found),
-        warnings=folder.warnings,
+        warnings=(*folder.warnings, *other),
     )
 
 
@@ -81,6 +91,7 @@ def _participant(folder: StudyFolder, participant: Participant) -> ParticipantSt
         page=page,
         of=len(specs),
         at=at if done else "not begun",
+        consent=consented(done),
         torn=torn,
         problem=problem,
         trials=tuple(

@@ -56,7 +56,7 @@ def amended(text: str, where: str, **changes: Any) -> str:
     if operators is not None and "teachers" in wanted and not isinstance(operators.pool, tuple):
         wanted["operators"] = Operators(draw=min(operators.draw, wanted["teachers"]))
     changed = msgspec.structs.replace(design, **wanted)
-    for key in ("teachers", "seed", "language"):
+    for key in ("teachers", "seed", "language", "title"):
         if key in wanted:
             text = _set(text, key, wanted[key])
     if "operators" in wanted:
@@ -75,5 +75,5 @@ def _set(text: str, key: str, value: Any) -> str:
     first = re.search(r"(?m)^\s*\[", text)
     end = len(text) if first is None else first.start()
     line = re.compile(rf'(?m)^{key}\s*=\s*("[^"\n]*"|[^\s#]+)')
-    head, found = line.subn(f"{key} = {_value(value)}", text[:end])
+    head, found = line.subn(lambda _: f"{key} = {_value(value)}", text[:end])
     return (head if found else f"{key} = {_value(value)}\n{head}") + text[end:]

@@ -181,7 +181,11 @@ def test_the_hash_is_of_what_the_design_says_not_of_its_file() -> None:
 
 @pytest.mark.parametrize(
     ("changes", "operators"),
-    [({"teachers": 3}, Operators(draw=3)), ({"seed": 5, "language": "de"}, Operators(pool=26, draw=4))],
+    [
+        ({"teachers": 3}, Operators(draw=3)),
+        ({"title": 'A \\1 "b" #'}, Operators(pool=26, draw=4)),
+        ({"seed": 5, "language": "de"}, Operators(pool=26, draw=4)),
+    ],
 )
 def test_keys_changed_keep_the_rest_and_the_comments(changes: dict[str, Any], operators: Operators) -> None:
     text = amended(template(), "study.toml", **changes)

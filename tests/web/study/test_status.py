@@ -72,6 +72,14 @@ def test_everyone_is_at_the_first_page_that_is_not_done(study: StudyFolder) -> N
         assert (person.at, person.page, person.of) == (wanted, count, len(specs))
 
 
+def test_who_agreed_to_other_words_than_those_of_now_is_said(study: StudyFolder) -> None:
+    do_pages(study, "P01", 1, agreed=True, version="1")
+    do_pages(study, "P02", 1, agreed=True, version="0")
+    status = study_status(study)
+    assert [person.consent for person in status.participants] == ["1", "0", None]
+    assert status.warnings == ("P02 agreed to version 0 of the consent, which is now 1",)
+
+
 def test_who_declined_is_nowhere_else(study: StudyFolder) -> None:
     do_pages(study, "P02", 1, agreed=False)
     assert at(study_status(study)) == ["not begun", "declined", "not begun"]

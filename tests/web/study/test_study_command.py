@@ -32,6 +32,7 @@ def test_new_makes_the_papers_study_and_says_where_the_links_are(
     shown = capsys.readouterr().out
     assert "22 teachers, 4 operators, 66 trials drawn" in shown
     assert str(folder / "private" / "links.json") in shown
+    assert "these operate: O1 5, O2 6, O3 18, O4 19; the others teach" in shown
     study = StudyFolder(folder)
     tokens = [token for some in study.tokens.values() for token in some.values()]
     assert len(tokens) == 22 + 4 + 2
@@ -45,6 +46,7 @@ def test_new_with_json_prints_json_alone(tmp_path: Path, capsys: pytest.CaptureF
     assert document["operators"] == ["O1", "O2", "O3"]
     study = StudyFolder(tmp_path / "study")
     assert (study.design.language, study.design.seed) == ("de", 4)
+    assert study.design.title == "Einem Roboter etwas beibringen"
     assert study.texts.consent.button.startswith("Ich stimme zu")
 
 
