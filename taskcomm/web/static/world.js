@@ -31,7 +31,7 @@ export class WorldView {
     this.layout = arrange(frame, before);
     if (before?.size.balls !== frame.balls || before?.size.distances !== frame.distances) this.#begin();
     this.frame = frame;
-    set(this.svg, { "aria-label": described(this.say, frame) });
+    set(this.svg, { "aria-label": described(this.say, frame), "data-t": frame.t });
     this.#marks();
     this.#robot();
     this.#states();

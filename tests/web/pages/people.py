@@ -63,7 +63,7 @@ def answer_forms(page: Page, heading: str, age: str = "22") -> None:
 
 
 def teach(page: Page, task: Task, pause: float) -> int:
-    """Press when pleased, not within `pause` seconds and seldom for the same thing, until Final; how often."""
+    """Press when pleased, not within `pause` seconds, seldom twice for one thing, until Final; how often."""
     presses, last, pressed_for = 0, 0.0, None
     end = time.monotonic() + PATIENCE
     while not (sight := seen(page)).final:

@@ -138,8 +138,8 @@ def visit(browser: Browser, link: str, size: dict[str, int] = LAPTOP, **context:
 def opened(
     browser: Browser, stage: Stage, *, size: dict[str, int] = LAPTOP, **context: Any
 ) -> Iterator[Page]:
-    """The page of `stage` in a browser."""
-    with visit(browser, f"{stage.address}/#token", size, **context) as page:
+    """The page of `stage` in a browser, where nothing glides."""
+    with visit(browser, f"{stage.address}/#token", size, **({"reduced_motion": "reduce"} | context)) as page:
         yield page
 
 

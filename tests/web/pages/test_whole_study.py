@@ -7,6 +7,7 @@ from web.houses import served
 from web.pages.people import answer_forms, control, read_card, seen, teach
 from web.pages.stage import picture, visit
 
+from taskcomm.commands.study_export import run as export
 from taskcomm.logs import read_trials, validate
 from taskcomm.web.study.folder import StudyFolder
 from taskcomm.web.study.structure import HUMAN, Condition, Consent, Design, Operators, Timing
@@ -50,6 +51,9 @@ def test_a_participant_goes_through_a_study_and_teaches_the_planner(browser: Bro
     assert (trial.task, trial.reason, trial.source) == (task, "final", "human")
     assert sum(bool(step.pressed) for step in trial.steps) == presses
     assert {rating["item"] for rating in trial.ratings} == {"intelligence", "right"}
+    assert export(folder.path, tmp_path / "data set", json=False) == 0
+    (table,) = (tmp_path / "data set" / "data").glob("*steps_data.csv")
+    assert len(table.read_text().splitlines()) == 1 + len(trial.steps)
 
 
 def test_an_operator_with_a_mouse_and_a_teacher_at_another_screen(browser: Browser, tmp_path: Path) -> None:
