@@ -15,6 +15,8 @@ from taskcomm.web.pilots import Choice, Pilot, PlannerPilot
 from taskcomm.web.protocol import Frame
 from taskcomm.world import Action, BallState, BallWorld
 
+# Seconds: were the planner set to work at once, its frames would come later than an operator's, and tell.
+_FRAME_GOES_FIRST = 0.01
 Order = Literal["pause", "go_on", "abort"]
 
 
@@ -98,7 +100,7 @@ class TrialRun:
             ended = self._ended(choice)
             if ended is not None:
                 return await self._end(ended, choice)
-            self._show_step(choice)
+            await self._show_step(choice)
             late_next = await self._step_over()
             pressed = self._key()
             following = self.pilot.take(pressed)
@@ -126,13 +128,15 @@ class TrialRun:
             return "final"
         return "timeout" if len(self.writer.steps) >= self.timing.limit else None
 
-    def _show_step(self, choice: Choice) -> None:
+    async def _show_step(self, choice: Choice) -> None:
         assert isinstance(choice.action, Action)
         self.t += 1
         self._action, self.state = choice.action, self.world.step(self.state, choice.action)
         self._pressed, self._gap = False, self._away_since is not None
         self._done.clear()
         self._show()
+        if isinstance(self.pilot, PlannerPilot) and not self.timing.lockstep:
+            await asyncio.sleep(_FRAME_GOES_FIRST)
         self.pilot.look(self.writer.steps, choice.action, self.state)
         self._audience.opened()
 
