@@ -4,6 +4,7 @@ import asyncio
 import time
 from typing import Self
 
+from taskcomm.web.archive import Archive
 from taskcomm.web.client import REFUSED, REPLACED, Client
 from taskcomm.web.desk import Desk
 from taskcomm.web.protocol import (
@@ -57,6 +58,7 @@ class House:
         self.admins: set[Client] = set()
         self.annotators: dict[str, Client] = {}
         self.clients: set[Client] = set()
+        self.archive = Archive(self.folder)
         self._label_locks: dict[str, asyncio.Lock] = {}
 
     @classmethod
@@ -145,29 +147,24 @@ class House:
         room.run.order(order.what)
 
     async def _of_reader(self, client: Client, message: Message) -> None:
-        """Replays and labels: read and computed off the event loop."""
-        from taskcomm.web import replaying
-
+        """Replays and labels."""
         annotator = None if client.role == "admin" else client.name
         try:
             if isinstance(message, Listing):
-                client.send(await asyncio.to_thread(replaying.trials, self.folder, annotator))
+                client.send(await self.archive.trials(annotator))
             elif isinstance(message, Open):
-                asked = message.trial, message.model, annotator
-                client.send(await asyncio.to_thread(replaying.opened, self.folder, *asked))
+                client.send(await self.archive.opened(message.trial, message.model, annotator))
             elif isinstance(message, Label):
                 await self._label(client, message)
         except ValueError as error:
             client.send(Problem(text=str(error)))
 
     async def _label(self, client: Client, label: Label) -> None:
-        from taskcomm.web import replaying
-
         async with self._label_locks.setdefault(label.trial, asyncio.Lock()):
             at = [room.page.trial for room in self.rooms.values()]
             if any(plan is not None and plan.trial_id == label.trial for plan in at):
                 raise ValueError("this trial is not over yet")
-            path, line = await asyncio.to_thread(replaying.label_line, self.folder, label, client.name)
+            path, line = await self.archive.label_line(label, client.name)
             await self.services.journal.append(path, line)
         client.send(Acknowledged(what="label", n=label.press_seq))
 
@@ -250,5 +247,6 @@ class House:
                     room.run.event("clock", role=role, **client.link.fields())
 
     def close(self) -> None:
-        """Write what waits; end the planner's processes."""
+        """Write what waits; end the other processes."""
+        self.archive.close()
         self.services.close()

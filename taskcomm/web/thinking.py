@@ -131,14 +131,19 @@ _thinkers: list[Thinker] = []
 
 
 def _begin(robots: tuple[RobotPlan, ...]) -> None:
-    """In a new process: its thinkers; it ends with its parent, however that ends."""
+    """In a new process: its thinkers."""
+    end_with_parent()
+    _thinkers[:] = [Thinker(plan) for plan in robots]
+
+
+def end_with_parent() -> None:
+    """This process leaves interrupts to its parent, and ends with it, however that ends."""
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent: Any = parent_process()
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
-    _thinkers[:] = [Thinker(plan) for plan in robots]
 
 
 def _end_with(sentinel: int) -> None:
