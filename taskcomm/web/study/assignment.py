@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from taskcomm.tasks import Task
-from taskcomm.web.study.structure import Condition, Design
+from taskcomm.web.study.structure import Condition, Design, Id
 
 Indices = NDArray[np.int64]
 
@@ -21,9 +21,9 @@ class TrialPlan(msgspec.Struct, frozen=True, kw_only=True):
     `operator_id` is who sits at the operator's page, whichever the condition: None in a study without.
     """
 
-    trial_id: str
-    participant_id: str
-    operator_id: str | None
+    trial_id: Id
+    participant_id: Id
+    operator_id: Id | None
     index: int
     condition: str
     controller: Literal["planner", "operator"]
@@ -37,9 +37,9 @@ class Participant(msgspec.Struct, frozen=True, kw_only=True):
     `person` is the teacher's number in a pool of everybody, from 1.
     """
 
-    id: str
+    id: Id
     person: int | None
-    operator: str | None
+    operator: Id | None
     trials: tuple[TrialPlan, ...]
 
 

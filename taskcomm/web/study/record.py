@@ -13,6 +13,7 @@ from taskcomm import __version__
 from taskcomm.web.study.assignment import Participant, assign, drawn_people, operator_ids
 from taskcomm.web.study.design import Design
 from taskcomm.web.study.reading import StudyError, from_json, text_of
+from taskcomm.web.study.structure import Id
 
 SCHEMA: Literal["taskcomm.study/1"] = "taskcomm.study/1"
 GONE = "which the design does not have any more; make a new study"
@@ -21,7 +22,7 @@ GONE = "which the design does not have any more; make a new study"
 class Operator(Struct, frozen=True):
     """An operator; `person` is the number in a pool of everybody, from 1."""
 
-    id: str
+    id: Id
     person: int | None = None
 
 
@@ -68,7 +69,12 @@ def read_record(path: Path, design: Design) -> Record:
     record = from_json(text, Record, str(path))
     controllers = {condition.name: condition.controller for condition in design.conditions}
     tasks = set(design.ball_world.tasks)
+    seen = set[str]()
     for participant in record.participants:
+        for name in (participant.id, *(trial.trial_id for trial in participant.trials)):
+            if name in seen:
+                raise StudyError(f"{path}: {name} is there twice")
+            seen.add(name)
         for trial in participant.trials:
             if controllers.get(trial.condition) != trial.controller:
                 lost = f"in condition {trial.condition!r} ({trial.controller})"

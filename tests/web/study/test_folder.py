@@ -255,6 +255,28 @@ def test_a_session_whose_pages_are_others_by_now_is_refused(study: StudyFolder) 
 
 
 @pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ('"trial_id": "P01-1"', '"trial_id": "../P01-1"', "].trial_id: expected letters, digits, - and _"),
+        ('{"id": "P01"', '{"id": "/tmp/P01"', "participants[0].id: expected letters, digits, - and _"),
+        ('"trial_id": "P02-1"', '"trial_id": "P01-1"', "P01-1 is there twice"),
+        ('"controller": "planner"', '"controller": "robot"', ".controller: 'robot' is unknown"),
+    ],
+)
+def test_an_assignment_names_no_place_outside_its_folder_and_nothing_twice(
+    study: StudyFolder, before: str, after: str, said: str
+) -> None:
+    path = study.path / "participants.json"
+    head, participants = path.read_text(encoding="utf-8").split('"participants": [')
+    assert before in participants
+    path.write_text(head + '"participants": [' + participants.replace(before, after, 1), encoding="utf-8")
+    with pytest.raises(StudyError) as error:
+        StudyFolder(study.path)
+    assert str(error.value).startswith(f"{path}: ")
+    assert said in str(error.value)
+
+
+@pytest.mark.parametrize(
     ("name", "content", "said"),
     [
         ("participants.json", "{", "participants.json: not JSON: "),
