@@ -50,12 +50,8 @@ def _state_label(state: str, rows: Sequence[dict[str, Any]]) -> str:
 def _accuracy_caption(of: Sequence[Believed], rows: Sequence[dict[str, Any]], found: Any) -> str:
     presses = sum(len(one.reasons) for one in of)
     disputed = sum(one.disputed for one in of)
-    labelled = sum(bool(one.trial.labels) for one in of)
-    origin = (
-        "as the simulation notes them"
-        if not labelled
-        else f"labelled by hand in {counted(labelled, 'trial')}"
-    )
+    who = sorted({str(label.get("annotator")) for one in of for label in one.trial.labels})
+    origin = f"as labelled by {', '.join(who)}" if who else "as the simulation notes them"
     means = "; ".join(
         f"{state} {means['at_press'].estimate:.2f}, then {means['at_end'].estimate:.2f}"
         for state, means in found.items()
@@ -68,12 +64,12 @@ def _accuracy_caption(of: Sequence[Believed], rows: Sequence[dict[str, Any]], fo
         )
         if number
     )
+    data = f"{counted(len(rows), 'press')} in {planned_note(of)}"
     return (
         "The probability of the true reason of a press, when it was pressed (dark) and at the end of the"
         " trial (light): means, with 95% intervals that resample teachers, and every press as a dot."
-        f" {counted(len(rows), 'press')} in {planned_note(of)}; true reasons {origin}. Means: {means}.{left}"
-        " At the end means with the whole trial known, but not its task. Beliefs are those of"
-        f" {models_note(of)}."
+        f" {data}; true reasons {origin}. Means: {means}.{left} At the end means with the whole trial known,"
+        f" but not its task. Beliefs are those of {models_note(of)}."
     )
 
 

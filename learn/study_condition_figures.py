@@ -1,5 +1,6 @@
 """The paper's figures by condition: ratings of each teacher, and a histogram of the times to Final."""
 
+import dataclasses
 from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
@@ -33,7 +34,12 @@ def rating_figures(trials: Sequence[Trial]) -> list[StudyFigure]:
     items = [item for item, plain in rated_items(trials).items() if not plain]
     if not items:
         raise Missing("no trial has a rating in numbers")
-    return [rating_figure(trials, item) for item in items]
+    made: dict[str, StudyFigure] = {}
+    for item in items:
+        one = rating_figure(trials, item)
+        name = one.name if one.name not in made else f"{one.name}-{len(made) + 1}"
+        made[name] = dataclasses.replace(one, name=name)
+    return list(made.values())
 
 
 @for_print

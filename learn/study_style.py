@@ -28,6 +28,7 @@ PRINT: Any = STYLE | {
     "axes.linewidth": 0.7,
     "lines.linewidth": 1.4,
     "savefig.dpi": 300,
+    "text.parse_math": False,  # ids and conditions are shown as they are
     "pdf.fonttype": 42,
     "svg.hashsalt": "taskcomm",
 }

@@ -1,6 +1,7 @@
 """Trials as tables: trials, steps, presses, labels, ratings, events."""
 
 import json
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -171,10 +172,7 @@ def _presses(trials: Sequence[Trial]) -> Table:
     )
     rows = []
     for trial in trials:
-        keys: dict[Any, list[Mapping[str, Any]]] = {}
-        for event in trial.events:
-            if event.get("kind") == "press":
-                keys.setdefault(event.get("t"), []).append(event)
+        keys = _keys(trial)
         labelled, reasons = trial.labelled, trial.reasons
         for t, step in enumerate(trial.steps):
             if not step.pressed:
@@ -189,6 +187,17 @@ def _presses(trials: Sequence[Trial]) -> Table:
             rows.append(row | {"label": reasons.get(t) if t in labelled else None})
     title = "One row for each step in which the spacebar was pressed"
     return Table("presses", title, columns, rows, ("trial_id", "t"), {"trial_id": "trials"})
+
+
+def _keys(trial: Trial) -> dict[Any, list[Mapping[str, Any]]]:
+    """The events of the key by step: as they say, or, where none does, by their place among the steps."""
+    events = [event for event in trial.events if event.get("kind") == "press"]
+    said = any("t" in event for event in events)
+    found: dict[Any, list[Mapping[str, Any]]] = {}
+    for event in events:
+        t = event.get("t") if said else bisect_left(trial.step_seqs, event.get("seq", 0))
+        found.setdefault(_whole(t), []).append(event)
+    return found
 
 
 def _labels(trials: Sequence[Trial]) -> Table:

@@ -17,11 +17,15 @@ import pytest
 from finishedstudy import DECLINED, finished
 from hypothesis import given
 from hypothesis import strategies as st
+from logsamples import trials as any_trial
 
 from taskcomm.cli import main
+from taskcomm.datapackage import datapackage
 from taskcomm.logs import read_trials, validate
 from taskcomm.psychds import FILE_NAME, description, file_of
 from taskcomm.tables import Column, Table
+from taskcomm.trials import Trial
+from taskcomm.trialtables import trial_tables
 from taskcomm.web.study.folder import StudyFolder
 
 DONE, FAILED, BAD_DATA = 0, 1, 3
@@ -128,26 +132,45 @@ READ: dict[str, Callable[[str], Any]] = {
 
 def test_every_value_is_of_its_type_keys_tell_rows_apart_and_references_lead_somewhere(dataset: Path) -> None:
     package = json_of(dataset / "datapackage.json")
-    tables = {resource["name"]: resource for resource in package["resources"]}
-    assert tuple(tables) == NAMES
-    for resource in tables.values():
-        with (dataset / resource["path"]).open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
-        schema = resource["schema"]
-        assert rows
-        assert [field["name"] for field in schema["fields"]] == list(rows[0])
-        for field in schema["fields"]:
-            values = [row[field["name"]] for row in rows]
-            limits = field.get("constraints", {})
-            assert all(READ[field["type"]](value) is not None for value in values if value != "")
-            assert not limits.get("required") or "" not in values
-            assert set(values) - {""} <= set(limits.get("enum", values))
-        keys = [tuple(row[name] for name in schema["primaryKey"]) for row in rows]
-        assert len(set(keys)) == len(keys)
-        for reference in schema.get("foreignKeys", ()):
+    assert tuple(resource["name"] for resource in package["resources"]) == NAMES
+    for resource in package["resources"]:
+        text = (dataset / resource["path"]).read_text(encoding="utf-8")
+        assert breaches(text, resource["schema"]) == []
+        for reference in resource["schema"].get("foreignKeys", ()):
             (column,), (there,) = reference["fields"], reference["reference"]["fields"]
             known = {row[there] for row in rows_of(dataset, reference["reference"]["resource"])}
-            assert {row[column] for row in rows} <= known
+            assert {row[column] for row in rows_of(dataset, resource["name"])} <= known
+
+
+def breaches(text: str, schema: dict[str, Any]) -> list[str]:
+    """Where a table breaks its schema, each a line; READ raises for a value that is not of its type."""
+    header, *rest = csv.reader(io.StringIO(text, newline=""))
+    rows = [dict(zip(header, row, strict=True)) for row in rest]
+    found = [] if [field["name"] for field in schema["fields"]] == header else ["header"]
+    for field in schema["fields"]:
+        name, limits = field["name"], field.get("constraints", {})
+        values = {row[name] for row in rows}
+        for value in values - {""}:
+            READ[field["type"]](value)
+        found += [f"{name}: empty"] if limits.get("required") and "" in values else []
+        found += [f"{name}: {value}" for value in values - {"", *limits.get("enum", values)}]
+    keys = [tuple(row[name] for name in schema["primaryKey"]) for row in rows]
+    return found + ([] if len(set(keys)) == len(keys) else ["key"])
+
+
+@given(st.lists(any_trial(), max_size=3, unique_by=lambda trial: trial.trial_id))
+def test_whatever_trials_come_their_tables_keep_their_schemas(trials: list[Trial]) -> None:
+    tables = trial_tables(trials)
+    schemas = {
+        one["name"]: one["schema"]
+        for one in datapackage("n", "t", "d", tables, dict.fromkeys(NAMES, ""))["resources"]
+    }
+    for table in tables:
+        assert breaches(table.csv().decode(), schemas[table.name]) == []
+    assert {row["name"] for row in description("n", "d", tables)["variableMeasured"]} >= {
+        "row_id",
+        "trial_id",
+    }
 
 
 def test_frictionless_finds_the_package_valid(dataset: Path) -> None:

@@ -9,6 +9,9 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from logsamples import trials as any_trial
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from ratedstudy import labelled, of_condition, rated, unrated
@@ -153,7 +156,7 @@ def test_labels_are_the_truth_of_presses_and_those_in_dispute_are_left_out_and_c
     assert [(row["step"], row["mental_state"]) for row in rows] == [(first, "that_mov"), (third, "that_dist")]
     caption = accuracy_figure(found).caption
     assert "1 press is left out: annotators disagree" in caption
-    assert "labelled by hand in 1 trial" in caption
+    assert "true reasons as labelled by ann, bob" in caption
     left = int(trial.presses.sum()) - 3
     assert f"{left} press{'es are' if left > 1 else ' is'} left out: their reason is not known" in caption
 
@@ -259,3 +262,28 @@ def test_equal_studies_leave_equal_bytes_and_numbers_beside_every_figure(tmp_pat
             assert list(csv.DictReader(file))
     assert dict(matplotlib.rcParams) == before
     assert "**These trials are simulated**" in (folders[0] / "figures.md").read_text(encoding="utf-8")
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.lists(any_trial(), max_size=3, unique_by=lambda trial: trial.trial_id))
+def test_whatever_trials_come_every_figure_is_made_or_named_with_the_reason(trials: list[Trial]) -> None:
+    at_step = [replace(trial, dt=MODEL.dt) for trial in trials]
+    found = study_report([*trials, *at_step], intuitive)
+    made = {"ratings" if one.name.startswith("ratings-") else one.name for one in found.figures}
+    assert made | found.not_made.keys() == ALL | {"ratings"}
+    assert not made & found.not_made.keys()
+    assert all(one.caption and one.rows for one in found.figures)
+
+
+def test_signs_in_names_are_shown_as_they_are(tmp_path: Path) -> None:
+    lines = tuple({"item": item, "value": 3, "scale": None} for item in ("$\\a$ b", "$\\a$-b"))
+    named = [
+        replace(trial, condition=f"$\\{trial.condition}$ 100%_", ratings=lines) for trial in rated()[26:30]
+    ]
+    found = study_report(named, intuitive)
+    assert len({one.name for one in found.figures}) == len(found.figures) >= len(ALL) + 1
+    for one in found.figures:
+        one.write(tmp_path)
+    drawn = next(one.figure for one in found.figures if one.name == "time-to-final")
+    shown = [str(text.get_text()) for text in drawn.findobj(Text) if isinstance(text, Text)]
+    assert any("$\\pomdp$ 100%_" in text for text in shown)
