@@ -90,6 +90,16 @@ def test_a_model_that_is_not_at_hand_is_asked_for(
     assert verified(log, "--model", model) == SAME
 
 
+def test_of_a_studys_folder_the_trials_are_verified_with_its_own_models(model: Path, tmp_path: Path) -> None:
+    for name in ("trials", "models", "practice"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "server.jsonl").write_text('{"kind": "start"}\n')
+    simulated(tmp_path / "trials" / "log.jsonl", "--robot", model)
+    assert verified(tmp_path) == BAD_DATA
+    TeacherModel.load(model).save(tmp_path / "models" / "own.json")
+    assert verified(tmp_path) == SAME
+
+
 def test_lines_that_cannot_be_read_are_said_and_the_rest_is_verified(
     logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -9,6 +9,7 @@ from taskcomm.commands.terminal import Terminal
 from taskcomm.commands.validate import counted
 from taskcomm.logreader import LogReader
 from taskcomm.logs import log_files
+from taskcomm.teacher import TeacherModel
 from taskcomm.trials import Trial
 from taskcomm.verification import UnverifiableTrial, Verification, verify
 
@@ -16,9 +17,15 @@ SAME, DIFFERS, BAD_DATA = 0, 1, 3
 
 
 def run(log: Path, model: str, trial: str | None, json: bool) -> int:
-    """Run every trial, or the one named, again; say of each whether it is the same, or where it differs."""
+    """Run every trial, or the one named, again; say of each whether it is the same, or where it differs.
+
+    Of a study's folder these are its trials, and the models are its own too.
+    """
     terminal = Terminal(json)
-    teacher = load_model(model, "--model")
+    models = [load_model(model, "--model")]
+    if (log / "trials").is_dir():
+        models += [TeacherModel.load(path) for path in sorted((log / "models").glob("*.json"))]
+        log = log / "trials"
     reader = LogReader(strict=False)
     for path in log_files(log):
         reader.read(path)
@@ -32,7 +39,7 @@ def run(log: Path, model: str, trial: str | None, json: bool) -> int:
     with terminal.progress("verifying", len(trials)) as progress:
         for number, one in enumerate(trials, 1):
             try:
-                done.append(verify(one, (teacher,)))
+                done.append(verify(one, models))
                 _say(done[-1], terminal)
             except UnverifiableTrial as error:
                 left += 1
