@@ -198,6 +198,13 @@ class House:
         seen = [desk.client] if desk is not None and desk.room is room and desk.client is not None else []
         return [*seen, *(admin for admin in self.admins if admin.watched == room.participant.id)]
 
+    def people(self, room: Room) -> dict[str, Client]:
+        """Who takes part in the trial of a room and is connected, by role."""
+        desk = self.desks.get(room.participant.operator or "")
+        at_desk = desk.client if desk is not None and desk.room is room else None
+        both = {"teacher": room.client, "operator": at_desk}
+        return {role: client for role, client in both.items() if client is not None}
+
     def to_admins(self, message: ToClient) -> None:
         """To every admin."""
         for admin in self.admins:
@@ -240,10 +247,8 @@ class House:
         for room in self.rooms.values():
             if room.run is None or room.run.mode != "run":
                 continue
-            desk = self.desks.get(room.participant.operator or "")
-            clients = {"teacher": room.client, "operator": desk.client if desk else None}
-            for role, client in clients.items():
-                if client is not None and client.link.best is not None:
+            for role, client in self.people(room).items():
+                if client.link.best is not None:
                     room.run.event("clock", role=role, **client.link.fields())
 
     def close(self) -> None:

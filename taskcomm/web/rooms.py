@@ -41,6 +41,7 @@ class Surroundings(Protocol):
     def offer(self, room: "Room") -> None: ...
     def trial_over(self, room: "Room") -> None: ...
     def watchers(self, room: "Room") -> list[Client]: ...
+    def people(self, room: "Room") -> dict[str, Client]: ...
     def to_admins(self, message: ToClient) -> None: ...
 
 
@@ -250,6 +251,14 @@ class Room:
         """To admins: lines are on disk."""
         if self.writer is not None:
             self.around.to_admins(Saved(trial=self.writer.head.trial_id, seq=seq))
+
+    def clocks(self) -> dict[str, Any]:
+        """Of the teacher's page, and of the operator's."""
+        return {
+            f"{role}_{name}": value
+            for role, client in self.around.people(self).items()
+            for name, value in client.link.fields().items()
+        }
 
     def status(self) -> dict[str, Any]:
         """A line of the admin's table."""

@@ -36,6 +36,9 @@ class Audience(Protocol):
     def saved(self, seq: int) -> None:
         """Lines up to `seq` are on disk."""
 
+    def clocks(self) -> dict[str, Any]:
+        """Round-trip times and clock offsets of those who take part, in ms, for the log."""
+
 
 @dataclass(frozen=True)
 class Timing:
@@ -91,9 +94,9 @@ class TrialRun:
     async def run(self) -> str:
         """The trial, to its end. Raises StorageError where its log cannot be written."""
         await self._append(self._beginning())
-        self.pilot.look(self.writer.steps, None, self.state)
-        self._audience.opened()
+        looked = asyncio.create_task(self._first_look())
         await self._counted_down()
+        await looked
         await self.pilot.settled()
         choice, late = self._begin_clock(), 0.0
         while True:
@@ -108,6 +111,12 @@ class TrialRun:
             choice, late = following, late_next
             if self._held_up():
                 await self._interval()
+
+    async def _first_look(self) -> None:
+        if not self.timing.lockstep:
+            await asyncio.sleep(_FRAME_GOES_FIRST)
+        self.pilot.look(self.writer.steps, None, self.state)
+        self._audience.opened()
 
     def _beginning(self) -> bytes:
         if self.writer.next_seq == 0:
@@ -213,7 +222,7 @@ class TrialRun:
         if displayed is not None:
             self.t, self._action, self._final = self.t + 1, None, displayed
         self._show()
-        summary = {} if self.timing.lockstep else self.clock.summary()
+        summary = {} if self.timing.lockstep else self.clock.summary() | self._audience.clocks()
         self.event("timing", default_actions=self.defaults, **summary)
         await self._append(self.writer.end(reason, displayed))
         return reason

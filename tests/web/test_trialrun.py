@@ -56,6 +56,9 @@ class Hall:
     def saved(self, seq: int) -> None:
         self.seqs.append(seq)
 
+    def clocks(self) -> dict[str, float]:
+        return {"teacher_rtt_ms": 1.5}
+
 
 def head(**fields: object) -> Trial:
     trial = Trial("one", WORLD, TASK, (), source="simulated", condition="pomdp")
@@ -150,6 +153,9 @@ def test_ticks_keep_to_deadlines_from_the_start_so_that_lateness_does_not_add_up
     for t, (onset, ms) in enumerate(zip(onsets, late, strict=True)):
         assert onset == pytest.approx(50.0 * t + ms, abs=0.002)
     assert run.clock.summary()["ticks"] == 20
+    [summary] = [event for event in trial.events if event["kind"] == "timing"]
+    assert summary["late_ms_max"] == pytest.approx(max(late[1:]), abs=30.0)
+    assert (summary["ticks"], summary["missed"], summary["teacher_rtt_ms"]) == (20, 0, 1.5)
 
 
 def test_a_press_belongs_to_the_step_in_which_it_came_and_several_are_one(tmp_path: Path) -> None:
