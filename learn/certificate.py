@@ -191,14 +191,16 @@ def degeneracies(
 ) -> tuple[str, ...]:
     """Why a maximum is no estimate of a teacher: sentences, none where it is one.
 
-    The log-likelihood is not finite; no press, nothing but presses, or no cue of any approval state was
-    ever seen; mistake has vanished, or every peak; the log-likelihood does not bend along some direction of
-    the coordinates that are at neither kink nor bound nor ridge (the information is singular).
+    The log-likelihood is not finite; no press (and no signal instead), nothing but presses, or no cue of any
+    approval state was ever seen; mistake has vanished, or every peak; the log-likelihood does not bend along
+    some direction of the coordinates that are at neither kink nor bound nor ridge (the information is
+    singular).
     """
     space, exposure = objective.space, objective.evidence.exposure
     if not math.isfinite(objective.value(point)):
         return ("the log-likelihood is not finite",)
-    if not any(len(steps) for steps in exposure.press_steps):
+    signalled = np.ptp(np.exp(exposure.lattice.event_log[:, 1:]), axis=1).any()
+    if not signalled and not any(len(steps) for steps in exposure.press_steps):
         return ("no press in any trial, so nothing says what presses follow",)
     found = []
     peaks = [i for i, name in enumerate(names) if name.endswith(".peak")]

@@ -155,8 +155,10 @@ def _impossible(objective: Objective, point: Floats) -> str:
     evidence = objective.evidence
     each = evidence.log_likelihoods(parameters_at(objective.space.vector(point), objective.base))
     named = [evidence.exposure.trial_ids[n] for n in np.flatnonzero(~np.isfinite(each))]
+    left_out = ", or it needs what dropped_mass leaves out" if evidence.exposure.dropped > 0 else ""
     return (
-        f"trial {', '.join(named[:5])}: impossible at every start: a label or an observation contradicts them"
+        f"trial {', '.join(named[:5])}: impossible at every start: a label or an observation contradicts"
+        f" them{left_out}"
     )
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -11,11 +12,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from taskcomm.beam import Beam
-from taskcomm.lattice import MAX_MEMORIES, Extent, Floats, Ints, Lattice, LatticeTooLarge, build_unit, join
-from taskcomm.smoother import cue_tables, hypotheses, index_of_task, seen, task_prior
+from taskcomm.lattice import (
+    MAX_MEMORIES,
+    Extent,
+    Floats,
+    Ints,
+    Lattice,
+    LatticeTooLarge,
+    Unit,
+    build_unit,
+    join,
+)
+from taskcomm.smoother import Hypothesis, cue_tables, hypotheses, index_of_task, seen, task_prior
 from taskcomm.teacher import ModelError, TeacherModel
 from taskcomm.trials import Trial
 from taskcomm.world import World
+
+NARROWER = (1.0, 1e-2, 1e-4)  # of the mass that a beam may leave out
 
 
 class FitError(ValueError):
@@ -122,6 +135,36 @@ def _check(trials: Sequence[Trial], world: World, model: TeacherModel) -> None:
         )
 
 
+def _unit(shown: Hypothesis, trial: Trial, extent: Extent, dt: float, most: int, beam: Beam | None) -> Unit:
+    """The lattice of a trial under one task, with as narrow a beam as leaves what was observed possible.
+
+    One that leaves out what a later label or signal needs leaves out less, step by step, down to nothing.
+    """
+
+    def with_beam(narrow: Beam | None) -> Unit:
+        return build_unit(shown.cues, trial.presses, extent, dt, most, shown.logs, narrow)
+
+    found = None
+    narrower = () if beam is None else [beam._replace(mass=beam.mass * less) for less in NARROWER]
+    for narrow in narrower:
+        try:
+            found = with_beam(narrow)
+        except LatticeTooLarge:
+            if found is None:
+                raise
+            return found
+        except ValueError:  # impossible for all parameters, with what is left
+            continue
+        if math.isfinite(found.dropped):
+            return found
+    try:
+        return with_beam(None)
+    except LatticeTooLarge:
+        if found is None:
+            raise
+        return found
+
+
 def expose(
     trials: Sequence[Trial],
     world: World,
@@ -138,8 +181,8 @@ def expose(
 
     With `labels`, presses that annotators labelled have one of the reasons they gave. With a `dropped_mass`
     above 0, memories that hold no more than it together, at each event and under `model`, are left out where
-    key states are unknown (`Lattice.unit_dropped` bounds the loss). Tasks that show the same are one unit,
-    unless `together` is False.
+    key states are unknown (`Lattice.unit_dropped` bounds the loss); fewer in a trial that would be impossible
+    without them. Tasks that show the same are one unit, unless `together` is False.
     Trials whose task is None are taken under every task with a positive `prior` (uniform by default).
     Raises TypeError for what are no trials; FitError for zero trials (which this `use` needs), a trial
     without steps, two dt, another dt than the model's, another world, a task that the world lacks, a cue
@@ -161,9 +204,7 @@ def expose(
             task = None if trial.task is None else index_of_task(trial, world, trial.task)
             table, logs = cue_tables(trial, world, parameters.cue), seen(trial, world, model, labels)
             shown = hypotheses(table, logs, weight, task, together)
-            units += [
-                build_unit(one.cues, trial.presses, extent, model.dt, most, one.logs, beam) for one in shown
-            ]
+            units += [_unit(one, trial, extent, model.dt, most, beam) for one in shown]
         except LatticeTooLarge as error:
             raise FitError(f"trial {trial.trial_id}: {error}", trial.trial_id) from None
         except ValueError as error:  # a task or an action that its world does not have

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from learn.coordinates import NAMES, Coordinates, vector_of
 from learn.mstep import Objective, maximise
+from learn.timescale import STEP
 from taskcomm.channels import ObservationModel
 from taskcomm.lattice import Floats
 from taskcomm.teacher import TeacherModel
@@ -76,10 +77,12 @@ def starting_points(
 ) -> list[tuple[str, Floats]]:
     """The initial model first, then wide supports (long falls, no delay), then seeded random ones.
 
-    Where decays are learned, plateaus that fade in a few seconds come early.
+    Where decays are learned, plateaus that fade in a few seconds come early. Times are for steps of up to
+    STEP seconds; where steps are longer, as many steps.
     """
     states, longest = len(model.approvals), space.longest
     vector = vector_of(model)
+    unit = max(model.dt, STEP)
 
     def with_times(**times: ArrayLike) -> Floats:
         rows = vector[1:].reshape(len(NAMES), states).copy()
@@ -89,18 +92,21 @@ def starting_points(
         return space.point(np.where(space.free, np.minimum(other, longest), vector))
 
     points = [("initial", space.point(vector))]
-    for rise, fall in ((1.0, 6.0), (4.0, 6.0), (model.dt, 8.0)):
+    for rise, fall in ((2 * unit, 12 * unit), (8 * unit, 12 * unit), (model.dt, 16 * unit)):
         point = with_times(rise=rise, fall=fall, delay=0.0)
         points.append((f"wide: rise {rise:g} s, fall {fall:g} s", point))
     if "delay" in space.kinds:
-        late = with_times(rise=1.0, fall=2.0, delay=0.75)
-        points.insert(2, ("late: rise 1 s, fall 2 s, delay 0.75 s", late))
+        rise, fall, delay = 2 * unit, 4 * unit, 1.5 * unit
+        late = with_times(rise=rise, fall=fall, delay=delay)
+        points.insert(2, (f"late: rise {rise:g} s, fall {fall:g} s, delay {delay:g} s", late))
     if "decay" in space.kinds:
-        points.insert(1, ("fading: decay 3 s, fall 4 s", with_times(fall=4.0, delay=0.0, decay=3.0)))
+        decay, fall = 6 * unit, 8 * unit
+        fading = with_times(fall=fall, delay=0.0, decay=decay)
+        points.insert(1, (f"fading: decay {decay:g} s, fall {fall:g} s", fading))
     while len(points) < count:
-        rise, fall = model.dt * np.exp(rng.uniform(0, np.log(12), size=(2, states)))
-        delay = rng.uniform(0, 1, size=states)
-        decay = model.dt * np.exp(rng.uniform(0, np.log(60), size=states))
-        random = with_times(rise=rise, fall=fall, delay=delay, decay=decay)
+        rises, falls = unit * np.exp(rng.uniform(0, np.log(12), size=(2, states)))
+        delays = 2 * unit * rng.uniform(0, 1, size=states)
+        decays = unit * np.exp(rng.uniform(0, np.log(60), size=states))
+        random = with_times(rise=rises, fall=falls, delay=delays, decay=decays)
         points.append((f"random {len(points)}", random))
     return points[:count]

@@ -36,7 +36,8 @@ class Ray:
     `bound` is how much higher, at most, the log-likelihood would be with all memories, in nats. A path left
     out at an event has the weight D it had there; what follows multiplies it by no more than U, the
     product over the later steps of the greatest probability of their observations over all levels that any
-    reset could leave. So exact <= pruned + sum of D U.
+    reset could leave. So exact <= pruned + sum of D U. It is infinite where what is left cannot be what was
+    observed, at the parameters of the beam: a later label, say, needs what was left out.
     """
 
     def __init__(
@@ -48,6 +49,7 @@ class Ray:
         self._probability = _approvals(beam.parameters, cues, rests, np.concatenate([[-1], events]))
         self._filter, self._log = np.ones(1), 0.0
         self._lost: list[float] = []
+        self._possible = True
         self._future = self._greatest_future()
         self.bound = 0.0
 
@@ -90,7 +92,7 @@ class Ray:
         np.add.at(reached, move[rows, resets], self._filter[rows] * chance[rows, resets])
         total = float(reached.sum())
         if not total > 0:  # impossible at these parameters: nothing to judge by
-            self._filter = np.full(len(after), 1 / len(after))
+            self._filter, self._possible = np.full(len(after), 1 / len(after)), False
             return after, move
         self._log += math.log(total)
         reached /= total
@@ -108,6 +110,9 @@ class Ray:
 
     def finish(self, memories: Ints) -> None:
         """After the last event: the likelihood itself, and the bound."""
+        if not self._possible:
+            self.bound = math.inf if self._lost else 0.0
+            return
         steps = len(self._weights)
         self._arrive(memories, int(self._first[-1]), steps)
         likelihood = self._log + math.log(float(self._filter.sum()))

@@ -116,7 +116,9 @@ class Lattice(NamedTuple):
         self.event[layers] = np.exp(logs)
 
 
-class _Unit(NamedTuple):
+class Unit(NamedTuple):
+    """The lattice of one trial under one task, to be joined; fields as in `Lattice`."""
+
     cues: NDArray[np.uint8]
     rests: NDArray[np.uint8]
     track_state: Ints
@@ -217,7 +219,7 @@ def build_unit(
     most: int = MAX_MEMORIES,
     logs: Floats | None = None,
     beam: Beam | None = None,
-) -> _Unit:
+) -> Unit:
     """The lattice of one trial under one task: `cues` (T, M), `presses` (T,).
 
     `logs` (T, 2 + M) is ln P(observation | M), by default that of the presses alone; rest follows `presses`.
@@ -300,7 +302,7 @@ def _assemble(
     logs: Floats,
     ray: Ray | None,
     lag: int,
-) -> _Unit:
+) -> Unit:
     steps = len(cues)
     sizes = np.array([len(layer) for layer in layers], dtype=np.int64)
     starts = np.concatenate([[0], np.cumsum(sizes)])
@@ -312,7 +314,7 @@ def _assemble(
     for k, move in enumerate(moves):
         after[starts[k] : starts[k + 1]] = np.where(move >= 0, move + starts[k + 1], -1)
     event_log, constant = weigh(logs, resets[1:])
-    return _Unit(
+    return Unit(
         cues=np.ascontiguousarray(cues.T).astype(np.uint8),
         rests=rests,
         track_state=state.astype(np.int64),
@@ -341,7 +343,7 @@ def weigh(logs: Floats, events: Ints) -> tuple[Floats, float]:
     return np.vstack([at_events, np.zeros(logs.shape[1])]), float(greatest.sum() + logs[silent, 0].sum())
 
 
-def join(units: Sequence[_Unit]) -> Lattice:
+def join(units: Sequence[Unit]) -> Lattice:
     """Several units as one flat lattice, in order."""
 
     def starts(lengths: Sequence[int]) -> Ints:
