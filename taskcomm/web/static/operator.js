@@ -6,6 +6,7 @@ import { moment } from "./wire.js";
 import { parsed, told, words } from "./words.js";
 import { WorldView } from "./world.js";
 
+const END = 3000; // ms that the end of a trial stays in view
 const HELP = ["light", "hold", "slide", "final"];
 
 export function start(root, wire, welcome) {
@@ -68,7 +69,9 @@ class Desk {
   on_seat(seat) {
     const fresh = seat.state !== this.seat.state || seat.participant !== this.seat.participant;
     this.seat = seat;
-    if (fresh && ["idle", "ask", "wait"].includes(seat.state)) this.#clear();
+    if (fresh && ["idle", "ask", "wait"].includes(seat.state)) {
+      setTimeout(() => seat === this.seat && this.#clear(), this.frame?.state === "over" ? END : 0);
+    }
     this.#draw();
   }
 
@@ -107,7 +110,7 @@ class Desk {
   #clear() {
     this.stage.replaceChildren();
     this.told.textContent = "";
-    this.view = null;
+    this.view = this.frame = null;
     this.#offer(-1, [], "");
   }
 

@@ -2,6 +2,7 @@
 
 import time
 
+import pytest
 from playwright.sync_api import Browser, Page, expect
 from web.pages.stage import Stage, frame, opened, served
 from web.pages.test_world import FIGURE, TRIAL, showing
@@ -137,6 +138,17 @@ def test_presses_during_a_lost_connection_are_never_sent(browser: Browser) -> No
 def test_a_ping_is_answered_by_the_same_number(browser: Browser) -> None:
     with served(Stage("teacher", [Ping(n=41)])) as stage, opened(browser, stage):
         assert stage.until("pong")[0]["n"] == 41
+
+
+@pytest.mark.verify
+def test_a_connection_over_which_nothing_comes_is_given_up(browser: Browser) -> None:
+    with served(Stage("teacher", [TRIAL, frame(7)])) as stage, opened(browser, stage) as page:
+        stage.until_connected(1)
+        page.wait_for_timeout(6000)  # a server that never pinged may be silent
+        assert stage.connections == 1
+        stage.say(Ping(n=1))
+        stage.until_connected(2)
+        expect(page.locator(".banner")).to_have_text("")
 
 
 def test_final_stays_in_view_before_the_next_page(browser: Browser) -> None:
