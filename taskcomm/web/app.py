@@ -53,7 +53,11 @@ class _Headers:
 
 
 def application(house: House, origins: frozenset[str]) -> Any:
-    """The ASGI application of a study. A WebSocket is taken only with one of these Origins, exactly."""
+    """The ASGI application of a study. A WebSocket is taken only with one of these Origins, exactly.
+
+    There are at most CONNECTIONS of them, those included that have yet to say who they are.
+    """
+    open_sockets = 0
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
@@ -64,10 +68,15 @@ def application(house: House, origins: frozenset[str]) -> Any:
         house.services.note("stop")
 
     async def connect(socket: WebSocket) -> None:
-        if socket.headers.get("origin") not in origins or len(house.clients) >= CONNECTIONS:
+        nonlocal open_sockets
+        if socket.headers.get("origin") not in origins or open_sockets >= CONNECTIONS:
             await socket.close(REFUSED)
             return
-        await _serve(house, socket)
+        open_sockets += 1
+        try:
+            await _serve(house, socket)
+        finally:
+            open_sockets -= 1
 
     routes = [WebSocketRoute("/ws", connect), Mount("/", StaticFiles(directory=STATIC, html=True))]
     return _Headers(Starlette(routes=routes, lifespan=lifespan))

@@ -91,6 +91,16 @@ def test_a_socket_of_another_origin_is_refused(study: Served, origin: str | None
     assert refused.value.response.status_code == 403
 
 
+def test_there_are_no_more_connections_than_may_be(study: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("taskcomm.web.app.CONNECTIONS", 3)
+    silent = [study.connect() for _ in range(3)]
+    with pytest.raises(InvalidStatus):
+        study.connect()
+    for client in silent:
+        client.close()
+    assert receive(study.hello("teacher", "P01"), "page")["kind"] == "card"
+
+
 @pytest.mark.parametrize(
     "first",
     [
