@@ -9,7 +9,7 @@ from learn.study_background import agreement_rows, answer_rows
 from learn.study_belief_figures import accuracy_figure, entropy_figure
 from learn.study_beliefs import Believed, ModelOf, believed, typical_recovery, typical_trial
 from learn.study_condition_figures import rating_figures, time_figure
-from learn.study_statistics import paired_rows, statistics_text, summary_rows
+from learn.study_statistics import operator_rows, paired_rows, statistics_text, summary_rows
 from learn.study_style import StudyFigure, write_captions
 from learn.study_trial_figures import marginals_figure, recovery_figure
 from learn.study_trials import Missing, by_planner, source_note
@@ -98,6 +98,7 @@ def write_study_report(
     tables = {
         "statistics.csv": summary_rows(trials),
         "paired.csv": paired_rows(trials, seed),
+        "operators.csv": operator_rows(trials),
         "participants.csv": answer_rows(answers or {}),
         "agreement.csv": agreement_rows(trials),
     }

@@ -15,6 +15,7 @@ from learn.study_paired import Paired, exception_sentence, paired, t_interval
 from learn.study_trials import (
     as_number,
     by_condition,
+    by_planner,
     counted,
     rated_items,
     ratings,
@@ -125,6 +126,21 @@ def comparisons(trials: Sequence[Trial], seed: int = 0) -> list[tuple[Measure, s
             if of[first].keys() & of[second].keys():
                 found.append((measure, first, second, paired(of[first], of[second], seed)))
     return found
+
+
+def operator_rows(trials: Sequence[Trial]) -> list[dict[str, Any]]:
+    """Every measure of the trials that each operator controlled: n, mean, sd; none of a single one."""
+    controlled = [trial for trial in trials if trial.operator_id is not None and not by_planner(trial)]
+    names = sorted({str(trial.operator_id) for trial in controlled})
+    rows: list[dict[str, Any]] = []
+    for measure in measures(controlled) if len(names) > 1 else ():
+        for name in names:
+            of = [measure.of(trial) for trial in controlled if trial.operator_id == name]
+            values = [value for value in of if value is not None]
+            row = {"measure": measure.name, "operator": name, "trials": len(of), "n": len(values)}
+            row |= {"mean": float(np.mean(values)) if values else None}
+            rows.append(row | {"sd": float(np.std(values, ddof=1)) if len(values) > 1 else None})
+    return rows
 
 
 def paired_rows(trials: Sequence[Trial], seed: int = 0) -> list[dict[str, Any]]:

@@ -49,6 +49,7 @@ def test_of_a_study_the_trials_alone_are_drawn(
     shown = json.loads(capsys.readouterr().out)
     assert shown["trials"] == 2
     assert "2 simulated trials" in shown["figures"]["entropy"]
+    assert next(row["mean"] for row in shown["statistics"] if row["measure"] == "rating intelligence") == 8.0
     record = json.loads((tmp_path / "out" / "run.json").read_text(encoding="utf-8"))
     assert record["command"] == "figures"
     assert all((tmp_path / "out" / name).is_file() for name in record["outputs"])

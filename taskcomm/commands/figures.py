@@ -19,6 +19,7 @@ def run(
 ) -> int:
     """Draw, write figures, numbers, captions and statistics, and say what could not be made and why."""
     from learn.study_report import study_report, write_study_report
+    from learn.study_statistics import paired_rows, summary_rows
 
     terminal = Terminal(json)
     files = study_logs(folder)
@@ -45,6 +46,8 @@ def run(
         "out": str(out),
         "trials": len(trials),
         "figures": {figure.name: figure.caption for figure in found.figures},
+        "statistics": summary_rows(trials),
+        "paired": paired_rows(trials, seed),
         "not_made": found.not_made,
         "left_out": list(found.left_out),
     }

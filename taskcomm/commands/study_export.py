@@ -186,7 +186,7 @@ class _Study:
         return [
             "Before this is given to others: look through the answers for what could identify somebody, and"
             " add to `dataset_description.json` who made it (`author`), a `license` and how to cite it"
-            " (`citation`).",
+            " (`citation`). Free answers are as they were typed: have spreadsheets read them as text.",
         ]
 
     def _raw_text(self) -> str:

@@ -10,7 +10,14 @@ from ratedstudy import of_condition, rated, unrated
 from scipy import stats
 
 from learn.study_paired import exact_signed_rank, exception_sentence, paired, t_interval
-from learn.study_statistics import by_teacher, measures, paired_rows, statistics_text, summary_rows
+from learn.study_statistics import (
+    by_teacher,
+    measures,
+    operator_rows,
+    paired_rows,
+    statistics_text,
+    summary_rows,
+)
 from learn.study_trials import by_condition, by_planner, rated_items, scale_of, time_to_final
 
 
@@ -134,6 +141,17 @@ def test_conditions_come_with_the_planner_last_and_without_pairs_there_are_no_di
     alone = of_condition(rated(), "pomdp")
     assert paired_rows(alone) == []
     assert "there are no paired differences" in statistics_text(alone)
+
+
+def test_operators_are_told_apart_in_the_trials_that_they_controlled() -> None:
+    trials = [replace(trial, operator_id="AB"[n % 2]) for n, trial in enumerate(rated())]
+    rows = {(row["measure"], row["operator"]): row for row in operator_rows(trials)}
+    for name in "AB":
+        times = [trial.duration for trial in of_condition(trials, "operator") if trial.operator_id == name]
+        row = rows["time to Final (s)", name]
+        assert (row["n"], row["mean"]) == (len(times), pytest.approx(np.mean(times)))
+        assert row["sd"] == pytest.approx(np.std(times, ddof=1))
+    assert operator_rows([replace(trial, operator_id="A") for trial in trials]) == []
 
 
 def test_items_are_ratings_or_yes_and_no_by_their_answers_and_scales() -> None:
