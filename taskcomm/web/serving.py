@@ -1,6 +1,7 @@
 """Runs a study on a port."""
 
 import asyncio
+import gc
 import logging
 import socket
 from collections.abc import Callable
@@ -97,6 +98,8 @@ async def _run(
         timeout_graceful_shutdown=3,
     )
     server = uvicorn.Server(config)
+    gc.collect()
+    gc.freeze()  # what is there now stays: no collection during a trial need look at it
     running = asyncio.create_task(server.serve(sockets=[bound]))
     while not server.started and not running.done():
         await asyncio.sleep(0.02)
