@@ -22,6 +22,11 @@ COLUMNS = (
     "late ms",
     "rtt ms",
 )
+LEGEND = (
+    "lost: steps whose key was not recorded; default: steps in which the planner was too late;",
+    "cuts: how often a trial went on after a crash; late: 99% of ticks by no more, in the worst trial;",
+    "rtt: to the teacher's page and back.",
+)
 
 
 def run(folder: Path, json: bool) -> int:
@@ -31,11 +36,8 @@ def run(folder: Path, json: bool) -> int:
     terminal.document({"command": "study status", "folder": str(folder), **document(status)})
     called = f"{status.name} (simulated)" if status.simulated else status.name
     terminal.table(called, COLUMNS, [row(person) for person in status.participants])
-    terminal.line("lost: steps whose key was not recorded; default: steps in which the planner had decided")
-    terminal.line("nothing in time, or the operator nothing at all; cuts: how often a trial went on after a")
-    terminal.line(
-        "crash; late: 99% of ticks by no more, in the worst trial; rtt: to the teacher's page and back."
-    )
+    for line in LEGEND:
+        terminal.line(line)
     terminal.line(summary(status))
     for problem in status.problems:
         terminal.line(f"problem: {problem}")
@@ -58,7 +60,7 @@ def row(person: ParticipantStatus) -> list[Any]:
         f"{len(ended)}/{len(person.counted)}",
         sum(trial.state == "aborted" for trial in person.counted) or "",
         sum(trial.lost for trial in trials) or "",
-        sum(trial.defaults for trial in trials) or "",
+        sum(trial.defaults for trial in trials if trial.controller == "planner") or "",
         sum(trial.resumes for trial in trials) or "",
         f"{max(late):.1f}" if late else "",
         f"{max(trips):.0f}" if trips else "",
@@ -76,7 +78,9 @@ def summary(status: StudyStatus) -> str:
     states = Counter(trial.state for trial in status.trials)
     said = [f"{states[state]} {state}" for state in dict.fromkeys(trial.state for trial in status.trials)]
     done = sum(person.at == "done" for person in status.participants)
-    return f"{done} of {len(status.participants)} participants done; trials: {', '.join(said)}"
+    missed = sum(trial.timings.missed for person in status.participants for trial in person.trials)
+    late = f"; ticks late by a step or more: {missed}" if missed else ""
+    return f"{done} of {len(status.participants)} participants done; trials: {', '.join(said)}{late}"
 
 
 def document(status: StudyStatus) -> dict[str, Any]:

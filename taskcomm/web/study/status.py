@@ -94,10 +94,7 @@ def _participant(folder: StudyFolder, participant: Participant) -> ParticipantSt
         consent=consented(done),
         torn=torn,
         problem=problem,
-        trials=tuple(
-            trial_status(folder.log_of(plan), plan.trial_id, plan.condition, plan.practice)
-            for plan in participant.trials
-        ),
+        trials=tuple(trial_status(folder.log_of(plan), plan) for plan in participant.trials),
     )
 
 

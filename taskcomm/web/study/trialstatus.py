@@ -6,6 +6,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any, Literal
 
+from taskcomm.web.study.assignment import TrialPlan
 from taskcomm.web.study.sessions import lines_of
 
 State = Literal["not begun", "unfinished", "final", "timeout", "aborted"]
@@ -25,13 +26,14 @@ class Timings:
 class TrialStatus:
     """A trial: how it stands, and what was lost.
 
-    `lost` are steps whose key state was not recorded, `defaults` those in which the robot acted by default,
-    `resumes` how often it went on after a crash. `torn`: its last line is not whole; `problem`: the first
-    line that is no JSON object, by number.
+    `lost` are steps whose key state was not recorded; `defaults` those in which nobody chose an action: the
+    planner was late, or the operator did nothing, which is no loss; `resumes` how often it went on after a
+    crash. `torn`: its last line is not whole; `problem`: the first line that is no JSON object, by number.
     """
 
     trial_id: str
     condition: str
+    controller: str
     practice: bool
     state: State
     correct: bool | None
@@ -45,8 +47,8 @@ class TrialStatus:
     timings: Timings
 
 
-def trial_status(path: Path, trial_id: str, condition: str, practice: bool = False) -> TrialStatus:
-    """What the log at `path` says of its trial."""
+def trial_status(path: Path, plan: TrialPlan) -> TrialStatus:
+    """What the log at `path` says of the trial planned."""
     lines, torn, problem = lines_of(path)
     steps = [line for line in lines if line.get("type") == "step"]
     ends = [line for line in lines if line.get("type") == "trial_end"]
@@ -54,9 +56,10 @@ def trial_status(path: Path, trial_id: str, condition: str, practice: bool = Fal
     if ends and ends[0].get("reason") in ("final", "timeout", "aborted"):
         state = ends[0]["reason"]
     return TrialStatus(
-        trial_id=trial_id,
-        condition=condition,
-        practice=practice,
+        trial_id=plan.trial_id,
+        condition=plan.condition,
+        controller=plan.controller,
+        practice=plan.practice,
         state=state,
         correct=ends[0].get("correct") if ends else None,
         steps=len(steps),

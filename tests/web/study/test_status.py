@@ -15,7 +15,7 @@ from taskcomm.operators import ScriptedOperator
 from taskcomm.simulate import SimulatedTeacher, run_trial
 from taskcomm.teacher import TeacherModel
 from taskcomm.trials import Trial
-from taskcomm.web.study.assignment import TrialPlan
+from taskcomm.web.study.assignment import TrialPlan, assign
 from taskcomm.web.study.design import Design, Operators
 from taskcomm.web.study.folder import StudyFolder
 from taskcomm.web.study.pages import pages
@@ -139,6 +139,7 @@ def test_a_line_that_is_none_is_named_and_the_rest_counted(study: StudyFolder) -
     assert status.participants[0].counted[0].steps == len(simulated(plan).steps)
 
 
+PLAN = assign(SMALL)[0].trials[1]
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.text(max_size=5),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=9), inner, max_size=3),
@@ -156,6 +157,6 @@ LINES = st.dictionaries(
 def test_any_file_has_a_status(tmp_path_factory: pytest.TempPathFactory, content: list[bytes]) -> None:
     path = tmp_path_factory.mktemp("any") / "P01-1.jsonl"
     path.write_bytes(b"\n".join(content))
-    status = trial_status(path, "P01-1", "pomdp")
+    status = trial_status(path, PLAN)
     assert status.lost + status.presses <= status.steps
     assert status.state in ("not begun", "unfinished", "final", "timeout", "aborted")

@@ -109,6 +109,19 @@ def test_status_shows_where_everyone_is(tmp_path: Path, capsys: pytest.CaptureFi
     assert document["participants"][1]["trials"][1]["state"] == "unfinished"
 
 
+def test_only_the_planners_defaults_are_a_loss(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An operator who does nothing is not late."""
+    folder = tmp_path / "study"
+    assert run("new", folder, "--teachers", 1) == DONE
+    step = json.dumps({"type": "step", "action_source": "default", "press": False}) + "\n"
+    for plan in StudyFolder(folder).participants[0].trials:
+        StudyFolder(folder).log_of(plan).write_text(step * (3 if plan.controller == "planner" else 50))
+    capsys.readouterr()
+    assert run("status", folder) == DONE
+    (row,) = [line for line in capsys.readouterr().out.splitlines() if "P01" in line]
+    assert [cell.strip() for cell in row.split("│")][8] == "6"
+
+
 def test_the_table_fits_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "study"
     assert run("new", folder, "--teachers", 2) == DONE
