@@ -40,6 +40,8 @@ class Services:
             for condition in self.design.conditions
             if condition.controller == "planner"
         }
+        # Made once: a trial of the planner begins as quickly as one of an operator, and so does not tell.
+        self.descriptions = {name: plan.robot().description for name, plan in self.robots.items()}
         if folder.server_log.exists():
             torn_end(folder.server_log)
         self.journal = Journal()

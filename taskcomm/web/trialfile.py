@@ -37,8 +37,7 @@ def writer_of(services: Services, plan: TrialPlan) -> TrialWriter:
 
 def _head(services: Services, plan: TrialPlan) -> Trial:
     """What the first line of a trial says."""
-    planned = plan.controller == "planner"
-    described = services.robots[plan.condition].robot().description if planned else {}
+    described = services.descriptions.get(plan.condition, {})
     return Trial(
         trial_id=plan.trial_id,
         world=services.world,
