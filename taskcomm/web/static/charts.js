@@ -2,7 +2,7 @@
 
 import { set, svg } from "./dom.js";
 
-const [WIDTH, LEFT, RIGHT] = [860, 88, 40];
+const [WIDTH, LEFT, RIGHT] = [860, 88, 50];
 const [LANE, GAP, AXIS] = [20, 16, 34];
 const HEIGHTS = { entropy: 86, part: 100 };
 // The palette of Okabe and Ito as far as it shows on white; dashes tell the lines apart without it.
@@ -79,13 +79,20 @@ export class Charts {
       const stroke = COLOURS[i % COLOURS.length];
       this.#line(column, y, { stroke, "stroke-dasharray": DASHES[i % DASHES.length], "stroke-width": known ? 3.2 : 1.7 });
     });
-    const ends = entries.map(([value, column], i) => ({ value, i, y: y(column.at(-1)), known: String(right) === value }));
-    for (const end of apart(ends, 14, top + 4, top + HEIGHTS.part)) {
-      const text = end.known ? `${end.value} ✓` : end.value;
-      const label = svg("text", { class: "end", x: WIDTH - RIGHT + 7, y: end.y + 4 }, text);
-      label.style.fill = COLOURS[end.i % COLOURS.length];
-      this.svg.append(label);
-    }
+    const ends = entries.map(([value, column], i) => {
+      const at = y(column.at(-1));
+      return { value, i, at, y: at, known: String(right) === value };
+    });
+    for (const end of apart(ends, 13, top + 4, top + HEIGHTS.part + 4)) this.#end(end);
+  }
+
+  /** The value that a line is of, beside its end. */
+  #end({ value, i, at, y, known }) {
+    const [colour, from] = [COLOURS[i % COLOURS.length], WIDTH - RIGHT];
+    const lead = svg("line", { x1: from + 1, y1: at, x2: from + 11, y2: y, stroke: colour, "stroke-width": 1 });
+    const label = svg("text", { class: "end", x: from + 14, y: y + 5 }, known ? `${value} ✓` : value);
+    label.style.fill = colour;
+    this.svg.append(lead, label);
   }
 
   #entropy(top) {
@@ -119,11 +126,22 @@ export class Charts {
       lane.append(svg("line", { x1: x, x2: x, y1: LANE - 2, y2: this.bottom }));
       lane.append(svg("rect", { x: x - 4, y: 4, width: 8, height: LANE - 6, rx: 2 }));
     }
-    this.belief.pressed.forEach((key, t) => {
-      if (key === null) lane.append(svg("rect", { class: "unseen", x: this.#x(t), y: 4, width: this.#x(t + 1) - this.#x(t), height: LANE - 6 }));
-    });
+    for (const [from, to] of unseen(this.belief.pressed)) {
+      lane.append(svg("rect", { class: "unseen", x: this.#x(from), y: 4, width: this.#x(to) - this.#x(from), height: LANE - 6 }));
+    }
     this.svg.append(lane);
   }
+}
+
+/** The runs of steps, [first, behind the last], in which the key was not recorded. */
+function unseen(pressed) {
+  const runs = [];
+  pressed.forEach((key, t) => {
+    if (key !== null) return;
+    if (runs.at(-1)?.[1] === t) runs.at(-1)[1] = t + 1;
+    else runs.push([t, t + 1]);
+  });
+  return runs;
 }
 
 /** The `ends` moved along y so that neighbours are `far` apart, within low to high. */
