@@ -43,13 +43,20 @@ def one_trial(out: Path | None, stay: bool, json: bool, **asked: Any) -> int:
     from taskcomm.commands.models import load_model
     from taskcomm.web.serving import listening
     from taskcomm.web.study.folder import StudyFolder
+    from taskcomm.web.study.reading import StudyError
 
-    origin, bound = asked.pop("origin"), listening(asked.pop("host"), asked.pop("port"))
+    origin, host, port = (asked.pop(name) for name in ("origin", "host", "port"))
     terminal = Terminal(json)
     model = asked["model"]
     load_model(model, "--model")
     folder = out or Path(f"taskcomm-trial-{time.strftime('%Y%m%d-%H%M%S')}")
-    opened = StudyFolder.new(folder, _design(**asked), models=[] if model == "intuitive" else [Path(model)])
+    design = _design(**asked)
+    bound = listening(host, port)
+    try:
+        opened = StudyFolder.new(folder, design, models=[] if model == "intuitive" else [Path(model)])
+    except StudyError:
+        bound.close()
+        raise
     [plan] = opened.participants[0].trials
 
     def say(address: str) -> None:
