@@ -45,11 +45,11 @@ class Load:
         )
 
 
-def undecided(step: float) -> TeacherModel:
+def undecided(step: float, presses: float = 0.04) -> TeacherModel:
     """A teacher whose presses have no reason: the robot never knows the task, the trial goes on."""
     plain = TeacherModel.intuitive().to_dict()
     tops = {name: top | {"peak": 0.0} for name, top in plain["approvals"].items()}
-    return TeacherModel.from_dict(plain | {"mistake": 0.04, "approvals": tops}).with_dt(step)
+    return TeacherModel.from_dict(plain | {"dt": step, "mistake": presses, "approvals": tops})
 
 
 def loaded(
