@@ -6,21 +6,20 @@ the labels only their own. Everything here reads files and computes; the server 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 
-from taskcomm.loglines import decode
-from taskcomm.logreader import LogReader
 from taskcomm.logwriter import TrialWriter
 from taskcomm.replay import belief_path, is_at_dt, press_reasons
 from taskcomm.teacher import ModelError, TeacherModel
 from taskcomm.trials import Trial
 from taskcomm.web.frames import frame
 from taskcomm.web.protocol import Frame, Label, Replay, Trials
+from taskcomm.web.triallogs import Folder as Folder
+from taskcomm.web.triallogs import ReplayError as ReplayError
+from taskcomm.web.triallogs import logs, places, trial_log
 from taskcomm.web.trialrun import utc
 from taskcomm.world import BallState, BallWorld
 
@@ -28,32 +27,10 @@ INTUITIVE = "intuitive"
 _DIGITS = 6  # of a probability on a page
 
 
-class ReplayError(ValueError):
-    """What cannot be shown or labelled, and why, in words for whoever asked."""
-
-
-class Folder(Protocol):
-    """Where a study keeps its trials (*.jsonl) and models (*.json)."""
-
-    @property
-    def trials_dir(self) -> Path: ...
-    @property
-    def models_dir(self) -> Path: ...
-
-
-@dataclass(frozen=True)
-class _Log:
-    """A file: its trials that can be read, and what is wrong with it, without its path."""
-
-    path: Path
-    trials: tuple[Trial, ...]
-    problem: str | None
-
-
 def trials(folder: Folder, annotator: str | None = None) -> Trials:
     """The trials that can be opened; to an admin also the logs that cannot be read, and why."""
     rows = []
-    for log in _logs(folder):
+    for log in logs(folder):
         rows += [_row(trial, annotator) for trial in log.trials if annotator is None or trial.reason]
         if log.problem is not None and annotator is None:
             rows.append({"trial": log.path.stem, "problem": log.problem})
@@ -88,10 +65,10 @@ def opened(folder: Folder, trial_id: str, model: str | None = None, annotator: s
     another step is converted, which is said. Raises ReplayError for a trial or a model that is not there, and
     ModelError for a model that does not fit.
     """
-    trial, path = _found(folder, trial_id, annotator)
+    trial, path = trial_log(folder, trial_id, annotator)
     if not isinstance(trial.world, BallWorld):
         raise ReplayError(f"trial {trial_id} is of another world; only ball worlds can be shown")
-    seqs, _ = _places(path, trial_id)
+    seqs, _ = places(path, trial_id)
     shown = Replay(
         trial=trial_id,
         dt=trial.dt,
@@ -176,56 +153,20 @@ def label_line(folder: Folder, label: Label, annotator: str) -> tuple[Path, byte
     """The log that a label belongs into, and its line.
 
     The line takes the next place in the log as it is on disk: nothing else may be on its way there. Raises
-    ReplayError for a trial that is not there or not over, a line that is no step with a press, or a mental
-    state that no model has.
+    ReplayError for a trial that is not there or not over, a log with a torn line, a line that is no step with
+    a press, or a mental state that no model has.
     """
-    trial, path = _found(folder, label.trial, annotator)
+    trial, path = trial_log(folder, label.trial, annotator)
     if label.mental_state not in states(folder):
         raise ReplayError(f"{label.mental_state!r} is no reason of a press: {', '.join(states(folder))}")
-    seqs, following = _places(path, label.trial)
+    seqs, following = places(path, label.trial)
+    if following is None:
+        raise ReplayError("the last line of this log is torn; it is mended when the study is served again")
     pressed = {seq for seq, step in zip(seqs, trial.steps, strict=True) if step.pressed}
     if label.press_seq not in pressed:
         raise ReplayError(f"line {label.press_seq} of trial {label.trial} is no step with a press")
     writer = TrialWriter(trial, following)
     return path, writer.label(label.press_seq, label.mental_state, annotator, utc=utc())
-
-
-def _places(path: Path, trial_id: str) -> tuple[list[int], int]:
-    """The `seq` of each step of a trial in its file, and the next one that is free."""
-    content = path.read_bytes()
-    if not content.endswith(b"\n"):
-        raise ReplayError("the last line of this log is torn; it is mended when the study is served again")
-    lines = [line for line in map(decode, content.splitlines()) if line.get("trial_id") == trial_id]
-    return [line["seq"] for line in lines if line["type"] == "step"], lines[-1]["seq"] + 1
-
-
-def _found(folder: Folder, trial_id: str, annotator: str | None) -> tuple[Trial, Path]:
-    """A trial that `annotator` may see, and its file."""
-    for log in _logs(folder):
-        for trial in log.trials:
-            if trial.trial_id == trial_id:
-                if annotator is not None and trial.reason is None:
-                    raise ReplayError(f"trial {trial_id} is not over")
-                return trial, log.path
-        if log.problem is not None and log.path.stem == trial_id:
-            raise ReplayError(f"the log of trial {trial_id} cannot be read: {log.problem}")
-    raise ReplayError(f"there is no trial {trial_id!r}")
-
-
-def _logs(folder: Folder) -> Iterator[_Log]:
-    if folder.trials_dir.is_dir():
-        for path in sorted(folder.trials_dir.glob("*.jsonl")):
-            about = path.stat()
-            yield _read(path, about.st_mtime_ns, about.st_size)
-
-
-@lru_cache(maxsize=512)
-def _read(path: Path, changed: int, size: int) -> _Log:
-    reader = LogReader(strict=False)
-    reader.read(path)
-    first = next(iter(reader.problems), None)
-    at = "" if first is None or first.line is None else f"line {first.line}: "
-    return _Log(path, tuple(reader.trials()), None if first is None else at + first.reason)
 
 
 def _model_files(folder: Folder) -> dict[str, Path | None]:

@@ -230,11 +230,13 @@ def test_a_trial_that_is_not_over_is_for_the_admin_alone_and_takes_no_label(fold
 
 
 def test_nothing_is_appended_behind_a_torn_line(folder: Folder) -> None:
-    seq = opened(folder, SHORT).presses[0]["seq"]
+    shown = opened(folder, SHORT)
+    seq = shown.presses[0]["seq"]
     with (folder.trials_dir / f"{SHORT}.jsonl").open("ab") as file:
         file.write(b'{"type": "lab')
     with pytest.raises(ReplayError, match="the last line of this log is torn"):
         label_line(folder, Label(trial=SHORT, press_seq=seq, mental_state="mistake"), "ann")
+    assert opened(folder, SHORT) == shown
 
 
 def test_a_folder_without_trials_or_models_is_an_empty_list(tmp_path: Path) -> None:
