@@ -18,6 +18,7 @@ from taskcomm.web.rehearsal import Rehearsal, rehearsed, spread_of_teachers
 from taskcomm.web.serverprocess import ServerProcess
 from taskcomm.web.study.design import load
 from taskcomm.web.study.folder import DESIGN, FolderError, StudyFolder
+from taskcomm.web.study.structure import Design
 
 NOT_TRUSTED = 4
 
@@ -37,8 +38,13 @@ def run(
     """Rehearse a copy of the study; 4 where a fit is not to be trusted, 1 where a command failed."""
     terminal = Terminal(json)
     out = out or folder.with_name(f"{folder.resolve().name}-rehearsal")
-    study = _copy(folder, out, teachers)
-    rehearsal = _rehearsal(study, teacher, at_once, seed)
+    design = _design(folder, out, teachers)
+    model = None if teacher == "spread" else load_model(teacher, "--teacher")
+    if model is not None:
+        check_model(model, teacher, design.ball_world, {design.timing.step})
+    study = _copy(folder, out, design)
+    models = spread_of_teachers(study, seed) if model is None else dict.fromkeys(_names(study), model)
+    rehearsal = Rehearsal(study, "", models, seed, at_once)
     write_json({name: model.to_dict() for name, model in rehearsal.models.items()}, out / "teachers.json")
     count = len(study.participants)
     terminal.message(f"{study.path}: a copy of the study, for {count} simulated teachers")
@@ -56,30 +62,24 @@ def run(
     return max((code if code in (0, NOT_TRUSTED) else 1 for code in (one["code"] for one in done)), default=0)
 
 
-def _copy(folder: Path, out: Path, teachers: int | None) -> StudyFolder:
-    """A study of the same design, words and models, in which nobody has taken part."""
+def _design(folder: Path, out: Path, teachers: int | None) -> Design:
+    """Of a rehearsal, which is about to be written to `out`."""
     if not (folder / DESIGN).is_file():
         raise FolderError(f"{folder}: no {DESIGN} in this folder; `taskcomm study new` makes one")
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise FolderError(f"{out}: is there and not empty; name another folder with --out")
-    design = rehearsed(load(folder / DESIGN), teachers)
+    return rehearsed(load(folder / DESIGN), teachers)
+
+
+def _copy(folder: Path, out: Path, design: Design) -> StudyFolder:
+    """A study of this design, with the words and models of `folder`, in which nobody has taken part."""
+    models = sorted((folder / "models").glob("*.json"))
     texts = folder / "texts"
-    return StudyFolder.new(
-        out / "study",
-        design,
-        sorted((folder / "models").glob("*.json")),
-        texts if texts.is_dir() else None,
-    )
+    return StudyFolder.new(out / "study", design, models, texts if texts.is_dir() else None)
 
 
-def _rehearsal(study: StudyFolder, teacher: str, at_once: int, seed: int) -> Rehearsal:
-    if teacher == "spread":
-        models = spread_of_teachers(study, seed)
-    else:
-        model, design = load_model(teacher, "--teacher"), study.design
-        check_model(model, teacher, design.ball_world, {design.timing.step})
-        models = dict.fromkeys((person.id for person in study.participants), model)
-    return Rehearsal(study, "", models, seed, at_once)
+def _names(study: StudyFolder) -> list[str]:
+    return [person.id for person in study.participants]
 
 
 def _serve(rehearsal: Rehearsal, log: Path, *, lockstep: bool, processes: int) -> int:

@@ -12,11 +12,12 @@ import numpy as np
 from taskcomm.studies import drawn_teacher
 from taskcomm.teacher import TeacherModel
 from taskcomm.web.bots import Line, LineError, OperatorBot, TeacherBot, label_presses
-from taskcomm.web.protocol import Role, Saved
+from taskcomm.web.protocol import Role, Saved, Status
 from taskcomm.web.study.folder import StudyFolder
 from taskcomm.web.study.structure import Design
 
 ANNOTATOR = "simulated"
+RUNNING = ("count", "run", "pause", "over")
 Heard = Callable[[float, bytes], None]
 
 
@@ -46,7 +47,8 @@ class Rehearsal:
 
     `at_once` participants come at the same time, one to an operator. `heard`, by participant id, gets what
     the server sends to that teacher. `saved` has, by trial, the greatest seq that the server said is on disk.
-    Nobody waits longer than `patience` seconds for a server that is down.
+    Nobody waits longer than `patience` seconds for a server that is down, or `stall` for a study that does
+    not get on.
     """
 
     folder: StudyFolder
@@ -55,6 +57,7 @@ class Rehearsal:
     seed: int = 0
     at_once: int = 8
     patience: float = 30.0
+    stall: float = 60.0
     heard: Mapping[str, Heard] = field(default_factory=dict)
     progress: Callable[[int], None] = lambda _done: None
     teachers: dict[str, TeacherBot] = field(default_factory=dict)
@@ -68,19 +71,19 @@ class Rehearsal:
         self._turns = asyncio.Semaphore(self.at_once)
         self._seats = {name: asyncio.Semaphore(1) for name in self.folder.operators}
         self._seats[""] = asyncio.Semaphore(len(self.folder.participants))  # where there are no operators
-        staff = [asyncio.create_task(self._operator(name, place)) for place, name in self._desks()]
-        staff.append(asyncio.create_task(self._note_what_is_saved()))
+        staff = [
+            asyncio.create_task(self._operator(name, place))
+            for place, name in enumerate(self.folder.operators)
+        ]
+        staff.append(asyncio.create_task(self._look_on()))
         people = [asyncio.create_task(self._teacher(n)) for n in range(len(self.folder.participants))]
         try:
-            await _all_of(people, staff)
+            await self._all_of(people, staff)
         finally:
             for task in (*staff, *people):
                 task.cancel()
             await asyncio.gather(*staff, *people, return_exceptions=True)
         self.seconds = time.monotonic() - began
-
-    def _desks(self) -> list[tuple[int, str]]:
-        return list(enumerate(self.folder.operators))
 
     def _line(self, role: Role, name: str) -> Line:
         token = self.folder.tokens[role][name]
@@ -100,11 +103,44 @@ class Rehearsal:
         self.operators[name] = bot
         await bot.run()
 
-    async def _note_what_is_saved(self) -> None:
+    async def _look_on(self) -> None:
+        """As the admin: note what is saved; raise RehearsalError where the server gave up on a trial."""
         async with aclosing(self._line("admin", "admin").messages()) as messages:
             async for message in messages:
                 if isinstance(message, Saved):
                     self.saved[message.trial] = max(message.seq, self.saved.get(message.trial, -1))
+                elif isinstance(message, Status):
+                    for person in message.participants:
+                        if person["state"] not in ("", *RUNNING):
+                            raise RehearsalError(f"{person['participant']}: stopped: {person['state']}")
+
+    async def _all_of(
+        self, people: Sequence["asyncio.Task[None]"], staff: Sequence["asyncio.Task[None]"]
+    ) -> None:
+        """Until all people are done, or one of anybody fails, or nobody gets on."""
+        waiting, before = set(people), ""
+        while waiting:
+            done, _ = await asyncio.wait(
+                {*waiting, *staff}, timeout=self.stall, return_when=asyncio.FIRST_COMPLETED
+            )
+            for task in done:
+                try:
+                    task.result()
+                except LineError as error:
+                    raise RehearsalError(str(error)) from None
+            waiting -= done
+            if not done and self._places() == before:
+                raise RehearsalError(f"nobody got on for {self.stall:g} s: {before}")
+            before = self._places()
+
+    def _places(self) -> str:
+        """Where everybody is who is on the way."""
+        at = {name: bot for name, bot in self.teachers.items() if not bot.finished}
+        return ", ".join(
+            f"{name} at page {bot.page.index if bot.page else 'none'}, step"
+            f" {len(bot.lessons[-1].moments) if bot.lessons else 'none'}"
+            for name, bot in at.items()
+        )
 
     def reasons(self) -> dict[str, dict[int, str]]:
         """Why the teachers pressed, by trial and step; practice is left out."""
@@ -119,16 +155,3 @@ class Rehearsal:
     async def label(self) -> int:
         """Have the true reason of every press written into the logs, as a label; how many there were."""
         return await label_presses(self._line("annotator", ANNOTATOR), self.reasons())
-
-
-async def _all_of(people: Sequence["asyncio.Task[None]"], staff: Sequence["asyncio.Task[None]"]) -> None:
-    """Until all people are done, or one of anybody fails."""
-    waiting = set(people)
-    while waiting:
-        done, _ = await asyncio.wait({*waiting, *staff}, return_when=asyncio.FIRST_COMPLETED)
-        for task in done:
-            try:
-                task.result()
-            except LineError as error:
-                raise RehearsalError(str(error)) from None
-        waiting -= done

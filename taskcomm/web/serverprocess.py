@@ -60,7 +60,7 @@ class ServerProcess:
         said = self._process.stdout.readline()
         timer.cancel()
         if not said:
-            self._process.wait()
+            self._close()
             raise ServerError(f"the server did not start: {self._last_words()}")
         self.port = int(said.rsplit(":", 1)[1])
 

@@ -244,7 +244,6 @@ def test_after_all_this_the_trial_of_others_has_missed_nothing(scene: Scene) -> 
     lived = len(lesson.moments)
     _until(lambda: len(lesson.moments) > lived + 1, 3)
     assert scene.victim.line.connections == 1
-    assert scene.victim.problems == []
     folder = scene.folder
     report = validate([folder.trials_dir])
     assert report.ok, report.problems[:3]

@@ -52,7 +52,6 @@ def check(rehearsal: Rehearsal) -> None:
         presses = [line["n"] for line in of_person if line["type"] == "event" and line["kind"] == "press"]
         assert bot.acknowledged.get("press", set()) <= set(presses)
         assert len(presses) == len(set(presses))
-        assert bot.problems == []
     report = validate([folder.trials_dir])
     assert report.ok, report.problems[:3]
     assert report.notices == ()

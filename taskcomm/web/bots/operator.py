@@ -9,7 +9,7 @@ import numpy as np
 from taskcomm.operators import ScriptedOperator
 from taskcomm.robot import Final
 from taskcomm.web.bots.latency import latency
-from taskcomm.web.bots.line import Line, now_ms
+from taskcomm.web.bots.line import Line, LineError, now_ms
 from taskcomm.web.bots.mirror import world_of
 from taskcomm.web.protocol import Act, Done, Frame, Pressed, Problem, Ready, Seat, Welcome
 from taskcomm.world import NOA
@@ -23,7 +23,6 @@ class OperatorBot:
 
     def __init__(self, line: Line, step: float, seed: Sequence[int]) -> None:
         self.line, self.step, self.seed = line, step, tuple(seed)
-        self.problems: list[str] = []
         self._seat = Seat(state="idle", participant="")
         self._script: ScriptedOperator | None = None
         self._lockstep = self._started = False
@@ -34,7 +33,7 @@ class OperatorBot:
         self._rng = np.random.default_rng([*self.seed, 0])
 
     async def run(self) -> None:
-        """Until cancelled. Raises LineError where the line is lost for good."""
+        """Until cancelled. Raises LineError where the line is lost for good, or something is refused."""
         async with aclosing(self.line.messages()) as messages:
             async for message in messages:
                 match message:
@@ -47,7 +46,7 @@ class OperatorBot:
                     case Frame():
                         await self._watch(message)
                     case Problem():
-                        self.problems.append(message.text)
+                        raise LineError(f"refused: {message.text}")
 
     async def _sit(self, seat: Seat) -> None:
         self._seat = seat

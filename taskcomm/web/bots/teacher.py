@@ -38,7 +38,6 @@ class TeacherBot:
     def __init__(self, line: Line, model: TeacherModel, seed: Sequence[int]) -> None:
         self.line, self.model, self.seed = line, model, tuple(seed)
         self.lessons: list[Lesson] = []
-        self.problems: list[str] = []
         self.saved: dict[str, int] = {}
         self.acknowledged: dict[str, set[int]] = {}
         self.page: Page | None = None
@@ -48,7 +47,7 @@ class TeacherBot:
         self._rng = np.random.default_rng([*self.seed, 0])
 
     async def run(self) -> None:
-        """Until the page of thanks. Raises LineError where the line is lost for good."""
+        """Until the page of thanks. Raises LineError where the line is lost, or something refused."""
         async with aclosing(self.line.messages()) as messages:
             async for message in messages:
                 await self._hear(message)
@@ -68,7 +67,7 @@ class TeacherBot:
             case Acknowledged():
                 self.acknowledged.setdefault(message.what, set()).add(message.n)
             case Problem():
-                self.problems.append(message.text)
+                raise LineError(f"refused: {message.text}")
 
     async def _turn(self, page: Page) -> None:
         self.page = page
