@@ -19,15 +19,20 @@ function picture({ mov, wrt, dist, distances = dist }, label) {
   const at = (k) => 34 + 62 + (k - 1) * 46;
   const marks = Array.from({ length: distances }, (_, i) => i + 1).filter((k) => k !== dist);
   const width = at(distances) + (dist === distances ? 34 : 20);
-  const ball = (x, number, kind) =>
-    svg("g", { class: kind }, svg("circle", { cx: x, cy: 50, r: 25 }), svg("text", { x, y: 50, "font-size": 28 }, String(number)));
+  const disc = (kind, x, number, radius, size) =>
+    svg(
+      "g",
+      { class: kind },
+      svg("circle", { cx: x, cy: 50, r: radius }),
+      svg("text", { x, y: 50, "font-size": size }, String(number)),
+    );
   return svg(
     "svg",
     { class: "cardpicture", viewBox: `0 0 ${width + 4} 100`, role: "img", "aria-label": label },
     svg("line", { x1: 34, y1: 50, x2: at(distances), y2: 50 }),
-    marks.map((k) => svg("g", { class: "spot" }, svg("circle", { cx: at(k), cy: 50, r: 12 }), svg("text", { x: at(k), y: 50, "font-size": 17 }, String(k)))),
-    ball(34, wrt, "still"),
-    ball(at(dist), mov, "moved"),
+    marks.map((k) => disc("spot", at(k), k, 12, 17)),
+    disc("still", 34, wrt, 25, 28),
+    disc("moved", at(dist), mov, 25, 28),
     svg("text", { class: "dist", x: at(dist), y: 92, "font-size": 19 }, String(dist)),
   );
 }

@@ -12,8 +12,9 @@ function filled(node, attributes, children) {
   return node;
 }
 
-/** An HTML element: `el("button", {type: "button", onclick: f}, "Go on")`; false and null attributes are left out. */
-export const el = (name, attributes = {}, ...children) => filled(document.createElement(name), attributes, children);
+/** An HTML element: `el("button", {type: "button", onclick: f}, "Go on")`; false or null: no attribute. */
+export const el = (name, attributes = {}, ...children) =>
+  filled(document.createElement(name), attributes, children);
 
 /** An SVG element, in the same way. */
 export const svg = (name, attributes = {}, ...children) =>

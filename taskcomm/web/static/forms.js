@@ -10,7 +10,8 @@ export function questions(items, say) {
     const wrong = answers.findIndex((answer) => answer.wrong);
     fields.forEach((one, i) => one.mark(answers[i].wrong ?? ""));
     if (wrong >= 0) fields[wrong].focus();
-    return { ok: wrong < 0, values: Object.fromEntries(items.map((item, i) => [item.item, answers[i].value])) };
+    const values = Object.fromEntries(items.map((item, i) => [item.item, answers[i].value]));
+    return { ok: wrong < 0, values };
   };
   return { node: el("div", { class: "questions" }, fields.map((one) => one.node)), read };
 }
@@ -50,21 +51,26 @@ function typed(item, id, say) {
     if (!whole) return { value: text };
     const value = Number(text);
     const fits = /^-?\d+$/.test(text) && value >= (item.low ?? -Infinity) && value <= (item.high ?? Infinity);
-    return fits ? { value } : { wrong: say("form_whole", { low: item.low ?? "…", high: item.high ?? "…" }) };
+    const range = { low: item.low ?? "…", high: item.high ?? "…" };
+    return fits ? { value } : { wrong: say("form_whole", range) };
   };
   return { node: input, inputs: [input], read };
 }
 
+const numbers = (low, high) =>
+  Array.from({ length: high - low + 1 }, (_, i) => ({ value: low + i, text: String(low + i) }));
+
 /** One of several: the numbers of a scale with words at its ends, or choices. */
 function options(item, id, say) {
   const scale = item.kind === "scale";
-  const choices = scale
-    ? Array.from({ length: item.high - item.low + 1 }, (_, i) => ({ value: item.low + i, text: String(item.low + i) }))
-    : item.choices.map((choice) => (typeof choice === "object" ? choice : { value: choice, text: String(choice) }));
-  const inputs = choices.map((_, i) => el("input", { type: "radio", name: item.item, id: `${id}-${i}`, value: i }));
-  const labels = choices.map((choice, i) => el("label", { for: `${id}-${i}` }, inputs[i], el("span", {}, choice.text)));
-  const ends = scale ? [item.low_label, item.high_label].map((text) => el("span", { class: "end" }, text ?? "")) : [];
-  const node = el("div", { class: scale ? "scale" : "choices" }, ends[0], el("div", { class: "options" }, labels), ends[1]);
+  const choices = scale ? numbers(item.low, item.high) : item.choices;
+  const input = (_, i) => el("input", { type: "radio", name: item.item, id: `${id}-${i}`, value: i });
+  const inputs = choices.map(input);
+  const label = ({ text }, i) => el("label", { for: `${id}-${i}` }, inputs[i], el("span", {}, text));
+  const end = (text = "") => (scale ? el("span", { class: "end" }, text) : null);
+  const all = el("div", { class: "options" }, choices.map(label));
+  const parts = [end(item.low_label), all, end(item.high_label)];
+  const node = el("div", { class: scale ? "scale" : "choices" }, parts);
   const read = () => {
     const chosen = inputs.findIndex((input) => input.checked);
     if (chosen >= 0) return { value: choices[chosen].value };

@@ -18,8 +18,9 @@ export class Spacebar {
     const options = { signal, capture: true };
     window.addEventListener("keydown", (event) => this.#keydown(event), options);
     window.addEventListener("keyup", (event) => this.#keyup(event), options);
-    for (const name of ["blur", "focus"]) window.addEventListener(name, (event) => this.#look(event), { signal });
-    document.addEventListener("visibilitychange", (event) => this.#look(event), { signal });
+    const look = (event) => this.#look(event);
+    for (const name of ["blur", "focus"]) window.addEventListener(name, look, { signal });
+    document.addEventListener("visibilitychange", look, { signal });
   }
 
   release() {

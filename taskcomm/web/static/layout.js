@@ -11,7 +11,7 @@ const GAP = 5; // between two things that stand beside one another
 const WIDE = 1.5; // width to height of what is seen
 const FREE = 118; // half the width of the robot showing Final
 
-/** How large everything is. `first` and `step`: the distances 1 and from one to the next, centre to centre. */
+/** How large everything is. `first`, `step`: distance 1, and from one to the next, centre to centre. */
 export function sizes(balls, distances) {
   const radius = RADIUS[balls] ?? Math.max(12, 240 / balls);
   const mark = 0.36 * radius;
@@ -34,14 +34,15 @@ export function homeOf(ball, size) {
   return turned({ x: 0, y: 0 }, at ?? first + ((ball - 1) * 2 * Math.PI) / corners, size.home);
 }
 
+const homesOf = (size) => Array.from({ length: size.balls }, (_, i) => homeOf(i + 1, size));
+
 /** The points of distances 1, 2, ... on the ray at `angle` from `point`. */
 const ray = (point, angle, size) =>
   Array.from({ length: size.distances }, (_, k) => turned(point, angle, size.first + k * size.step));
 
 /** What is seen of the world at least: all homes with some margin, and as wide as screens are. */
 function box(size) {
-  const homes = Array.from({ length: size.balls }, (_, i) => homeOf(i + 1, size));
-  const bounds = around([...homes, { x: 0, y: 0 }], size.radius + 34);
+  const bounds = around([...homesOf(size), { x: 0, y: 0 }], size.radius + 34);
   const wide = (WIDE * (bounds.bottom - bounds.top)) / 2;
   return { ...bounds, left: Math.min(bounds.left, -wide), right: Math.max(bounds.right, wide) };
 }
@@ -63,9 +64,9 @@ const into = (point, others, size) =>
   Math.max(0, size.radius + GAP + size.free - Math.hypot(point.x, point.y));
 
 /**
- * The angle of the ray of `ball` at `reference`, clear of the balls `at` their points, of homes, and `apart` from
- * the points to `avoid`, in that order of weight. The angle `kept` from before stays while no ball is in its way; where
- * the ball stands at a distance, `only` that point of the ray matters for this.
+ * The angle of the ray of `ball` at `reference`, clear of the balls `at` their points, of homes, and `apart`
+ * from the points to `avoid`, in that order of weight. The angle `kept` from before stays while no ball is in
+ * its way; where the ball stands at a distance, `only` that point of the ray matters for this.
  */
 function aimed(ball, reference, { at, kept, avoid, apart, bounds, size, only }) {
   const start = at.get(reference);
@@ -75,7 +76,7 @@ function aimed(ball, reference, { at, kept, avoid, apart, bounds, size, only }) 
     const points = ray(start, kept, size).filter((_, k) => !only || k + 1 === only);
     if (points.every((point) => into(point, others, size) === 0)) return kept;
   }
-  const homes = Array.from({ length: size.balls }, (_, i) => homeOf(i + 1, size)).filter((_, i) => i + 1 !== ball);
+  const homes = homesOf(size).filter((_, i) => i + 1 !== ball);
   const here = at.has(ball) ? [at.get(ball)] : []; // no mark is hidden by the ball where it is
   const worst = (points, measure) => Math.max(0, ...points.map(measure));
   const hidden = (p) => worst(here, (q) => size.radius + size.mark + GAP - between(p, q));
@@ -121,7 +122,8 @@ export function arrange(frame, before = null) {
   for (const [ball, reference, distance] of placements) {
     const old = kept(ball, reference);
     const only = frame.held === ball ? 0 : distance;
-    const angle = aimed(ball, reference, { at, kept: old, avoid, apart: 2 * size.radius, bounds, size, only });
+    const known = { at, avoid, apart: 2 * size.radius, bounds, size };
+    const angle = aimed(ball, reference, { ...known, kept: old, only });
     angles.set(`${ball}/${reference}`, angle);
     const points = ray(at.get(reference), angle, size);
     avoid.push(...points);

@@ -22,7 +22,7 @@ export function start(root, wire, welcome) {
   };
 }
 
-/** The action that a click means: `light` (right button) or not, on `target` {ball | robot | reference, distance}. */
+/** The action that a click on `target` {ball | robot | reference, distance} means; `light`: right button. */
 export function meant(target, light, held, actions) {
   const wanted = (action) => {
     const { name, ball, distance, reference } = parsed(action);
@@ -56,7 +56,8 @@ class Desk {
     this.help = el("ul", { class: "help" }, HELP.map((key) => el("li", {}, say(`operator_help_${key}`))));
     const title = el("h1", {}, say("operator_title"));
     const name = el("p", { class: "progress" }, welcome.name);
-    const side = el("div", { class: "side" }, title, name, this.status, this.ready, this.next, this.card, this.help);
+    const parts = [title, name, this.status, this.ready, this.next, this.card, this.help];
+    const side = el("div", { class: "side" }, parts);
     this.stage = el("div", { class: "stage" });
     this.told = el("p", { class: "told", "aria-live": "polite" });
     this.section = el("section", { class: "operator" }, side, this.stage, this.told);
@@ -127,7 +128,8 @@ class Desk {
     event.preventDefault();
     const action = meant(target, light, this.frame?.held, this.actions);
     if (!action) return;
-    if (this.send({ type: "act", t: this.t, action, at: moment(event.timeStamp) })) this.#offer(this.t, this.actions, action);
+    const sent = this.send({ type: "act", t: this.t, action, at: moment(event.timeStamp) });
+    if (sent) this.#offer(this.t, this.actions, action);
   }
 
   /** Shows on the picture what responds, and what was chosen. */
@@ -161,7 +163,8 @@ class Desk {
     this.help.hidden = state === "watch";
     const [mov, wrt, dist] = card;
     const sentence = mov && this.say("card_picture", { mov, wrt, dist });
-    this.card.replaceChildren(...(mov ? [cardOf({ mov, wrt, dist, sentence }, this.say, this.say("trial_card"))] : []));
+    const picture = () => cardOf({ mov, wrt, dist, sentence }, this.say, this.say("trial_card"));
+    this.card.replaceChildren(...(mov ? [picture()] : []));
     this.#marked();
   }
 }

@@ -16,7 +16,8 @@ export class PageScreen {
     const body = parts ? this[parts](page.content) : this.note(page);
     const progress = page.of > 1 ? say("page_progress", { page: page.index + 1, pages: page.of }) : "";
     const shown = progress && parts ? el("p", { class: "progress" }, progress) : null;
-    root.replaceChildren(el("section", { class: `page page-${page.kind}` }, page.content.title ? title : null, body, this.trouble, shown));
+    const content = [page.content.title ? title : null, body, this.trouble, shown];
+    root.replaceChildren(el("section", { class: `page page-${page.kind}` }, content));
     window.scrollTo(0, 0);
     title.focus({ preventScroll: true });
   }
@@ -39,12 +40,14 @@ export class PageScreen {
   }
 
   text(content) {
-    return el("div", {}, paragraphs(content), this.#actions(this.#button(content.button ?? this.say("page_next"), () => ({}))));
+    const go = this.#button(content.button ?? this.say("page_next"), () => ({}));
+    return el("div", {}, paragraphs(content), this.#actions(go));
   }
 
   consent(content) {
     const agree = this.#button(content.button ?? this.say("page_agree"), () => ({ agreed: true }));
-    const decline = this.#button(content.decline ?? this.say("page_decline"), () => ({ agreed: false }), "second");
+    const no = content.decline ?? this.say("page_decline");
+    const decline = this.#button(no, () => ({ agreed: false }), "second");
     return el("div", {}, paragraphs(content), this.#actions(agree, decline));
   }
 
@@ -60,11 +63,13 @@ export class PageScreen {
 
   card(content) {
     const begin = this.#button(content.button ?? this.say("page_begin"), () => ({}));
-    return el("div", {}, paragraphs(content), cardOf(content, this.say, this.say("trial_card")), this.#actions(begin));
+    const card = cardOf(content, this.say, this.say("trial_card"));
+    return el("div", {}, paragraphs(content), card, this.#actions(begin));
   }
 
   note({ kind, content }) {
-    return el("div", {}, content.body ? paragraphs(content) : el("p", { role: "status" }, this.say(`page_${kind}`)));
+    if (content.body) return el("div", {}, paragraphs(content));
+    return el("div", {}, el("p", { role: "status" }, this.say(`page_${kind}`)));
   }
 
   #button(text, values, kind = "first") {

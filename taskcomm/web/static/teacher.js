@@ -53,7 +53,7 @@ export function start(root, wire, welcome) {
   };
 }
 
-/** A trial: the world, the card in its corner, what the robot just did in words; nothing in it takes the focus. */
+/** A trial: the world, the card in its corner, what the robot just did; nothing in it takes the focus. */
 class TrialScreen {
   constructor(root, page, { say, pressed, focused }) {
     Object.assign(this, { page, say, connected: true, state: "count", endedAt: 0 });
@@ -62,8 +62,9 @@ class TrialScreen {
     this.told = el("p", { class: "told", "aria-live": "polite" });
     this.banner = el("p", { class: "banner", role: "status" });
     const hint = el("p", { class: "hint" }, say("trial_hint"));
-    const side = el("div", { class: "side" }, content.sentence ? cardOf(content, say, say("trial_card")) : null, hint);
-    this.section = el("section", { class: "trial", role: "application", tabindex: "-1" }, side, stage, this.told, this.banner);
+    const card = content.sentence ? cardOf(content, say, say("trial_card")) : null;
+    const parts = [el("div", { class: "side" }, card, hint), stage, this.told, this.banner];
+    this.section = el("section", { class: "trial", role: "application", tabindex: "-1" }, parts);
     root.replaceChildren(this.section);
     document.body.classList.add("still");
     this.section.focus({ preventScroll: true });
@@ -117,7 +118,8 @@ class TrialScreen {
 
   /** The one thing that the teacher must know now, if any. */
   #says() {
-    const byState = { count: "trial_ready", pause: "trial_paused", over: this.final ? "" : "trial_over", run: "" };
+    const end = this.final ? "" : "trial_over";
+    const byState = { count: "trial_ready", pause: "trial_paused", over: end, run: "" };
     let key = byState[this.state];
     if (!this.keys.has && !this.endedAt) key = "trial_focus_lost";
     if (!this.connected && !this.endedAt) key = "trial_connection_lost";

@@ -9,8 +9,9 @@ const [REPLACED, REFUSED] = [4000, 4003]; // the server's close codes: another t
 export const moment = (stamp = performance.now()) => performance.timeOrigin + stamp;
 
 /**
- * Keeps a connection. `hear(message)` gets every message but pings; `lost()` is called when an open connection
- * breaks, `refused()` when the token is not welcome. After a break the server says anew what there is to say.
+ * Keeps a connection. `hear(message)` gets every message but pings; `lost()` is called when an open
+ * connection breaks, `refused()` when the token is not welcome. After a break the server says anew what there
+ * is to say.
  */
 export class Wire {
   constructor(token, { hear, lost, refused }) {

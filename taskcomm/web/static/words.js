@@ -69,7 +69,7 @@ export const DEFAULTS = {
   act_noa: "nothing",
 };
 
-/** A function `say(key, places)`: the text of `key` with its {places} filled in. Throws for a key not known. */
+/** A function `say(key, places)`: the text of `key`, its {places} filled in. Throws for an unknown key. */
 export function words(texts = {}) {
   return function say(key, places = {}) {
     const text = texts[key] ?? DEFAULTS[key];
@@ -99,7 +99,8 @@ export function told(say, frame) {
 
 /** How the world of `frame` stands, ball by ball: the text alternative of its picture. */
 export function described(say, frame) {
-  const placed = new Map(frame.placements.map(([ball, reference, distance]) => [ball, { reference, distance }]));
+  const entry = ([ball, reference, distance]) => [ball, { reference, distance }];
+  const placed = new Map(frame.placements.map(entry));
   const balls = Array.from({ length: frame.balls }, (_, i) => {
     const ball = i + 1;
     const states = [placed.has(ball) ? say("state_placed", placed.get(ball)) : say("state_home")];

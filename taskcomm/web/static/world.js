@@ -108,7 +108,8 @@ export class WorldView {
     const seen = this.seen ?? view;
     cancelAnimationFrame(this.next);
     const draw = (part) => {
-      this.#look(Object.fromEntries(SIDES.map((side) => [side, seen[side] + (view[side] - seen[side]) * part])));
+      const between = (side) => seen[side] + (view[side] - seen[side]) * part;
+      this.#look(Object.fromEntries(SIDES.map((side) => [side, between(side)])));
       for (const [ball, end] of to) {
         const begin = from.get(ball) ?? end;
         this.now.set(ball, { x: begin.x + (end.x - begin.x) * part, y: begin.y + (end.y - begin.y) * part });
@@ -121,7 +122,8 @@ export class WorldView {
       if (part < 1) this.next = requestAnimationFrame(tick);
     };
     const moves = [...to].some(([ball, end]) => far(this.now.get(ball), end) > 0.5);
-    if (moving && (moves || SIDES.some((side) => seen[side] !== view[side]))) this.next = requestAnimationFrame(tick);
+    const looks = SIDES.some((side) => seen[side] !== view[side]);
+    if (moving && (moves || looks)) this.next = requestAnimationFrame(tick);
     else draw(1);
   }
 
@@ -135,7 +137,8 @@ export class WorldView {
     this.arm.classList.toggle("shown", Boolean(held));
     if (held) this.#grip(held, size.radius);
     const ends = ({ ball, reference }) => [this.now.get(reference), this.now.get(ball)];
-    const label = (one) => labelPicture(...ends(one), one.distance, one.ball === this.frame.held ? size.radius + 15 : 0);
+    const beside = (one) => (one.ball === this.frame.held ? size.radius + 15 : 0);
+    const label = (one) => labelPicture(...ends(one), one.distance, beside(one));
     this.layers.links.replaceChildren(...placed.map((one) => lineBetween(...ends(one))));
     this.layers.labels.replaceChildren(...placed.map(label));
   }
@@ -164,14 +167,16 @@ function ballPicture(ball, radius) {
   const grip = svg("path", { class: "grip", d: `M ${x} ${y} A ${wide} ${wide} 0 0 1 ${x} ${-y}` });
   const number = svg("text", { class: "number", "font-size": radius * 0.95 }, String(ball));
   const disc = svg("circle", { class: "disc", r: radius });
-  return svg("g", { class: "ball", "data-ball": ball }, svg("g", { class: "beams" }, ...beams), grip, disc, number);
+  const light = svg("g", { class: "beams" }, ...beams);
+  return svg("g", { class: "ball", "data-ball": ball }, light, grip, disc, number);
 }
 
 /** The numbered mark of a distance from a ball. */
 function markPicture(reference, distance, { x, y }, radius) {
+  const transform = `translate(${x} ${y})`;
   return svg(
     "g",
-    { class: "mark", "data-reference": reference, "data-distance": distance, transform: `translate(${x} ${y})` },
+    { class: "mark", "data-reference": reference, "data-distance": distance, transform },
     svg("circle", { r: radius }),
     svg("text", { "font-size": radius * 1.3 }, String(distance)),
   );
@@ -179,18 +184,20 @@ function markPicture(reference, distance, { x, y }, radius) {
 
 /** The robot, a square with eyes; a `text` on a sign before it: the countdown, or Final. */
 function robotPicture(text, final) {
-  const body = svg("rect", { class: "body", x: -ROBOT, y: -ROBOT, width: 2 * ROBOT, height: 2 * ROBOT, rx: 10 });
+  const box = (name, x, y, height) => svg("rect", { class: name, x, y, width: -2 * x, height, rx: 10 });
+  const body = box("body", -ROBOT, -ROBOT, 2 * ROBOT);
   const eyes = [-24, 24].map((x) => svg("circle", { class: "eye", cx: x, cy: -22, r: 12 }));
-  const wide = Math.max(ROBOT - 14, text.length * 21);
-  const plate = svg("rect", { class: "plate", x: -wide, y: final ? -46 : 0, width: 2 * wide, height: final ? 92 : 52, rx: 10 });
-  const shown = svg("text", { class: "said", y: final ? 2 : 28, "font-size": final ? 74 : 46 }, text);
+  const large = final ? Math.min(74, 340 / text.length) : 46; // a longer word is written smaller
+  const wide = final ? 0.31 * large * text.length + 14 : ROBOT - 14;
+  const plate = final ? box("plate", -wide, -46, 92) : box("plate", -wide, 0, 52);
+  const shown = svg("text", { class: "said", y: final ? 2 : 28, "font-size": large }, text);
   const sign = text ? [plate, shown] : [svg("line", { class: "mouth", x1: -22, y1: 28, x2: 22, y2: 28 })];
   return svg("g", { class: "robot", "data-robot": "1" }, body, ...eyes, ...sign);
 }
 
 const lineBetween = (p, q) => svg("line", { x1: p.x, y1: p.y, x2: q.x, y2: q.y });
 
-/** The distance of a placed ball: amid the line to its reference, or `beside` the ball, away from the robot. */
+/** The distance of a placed ball: amid the line to its reference, or `beside` the ball, off the robot. */
 function labelPicture(from, to, distance, beside) {
   const across = Math.atan2(to.y - from.y, to.x - from.x) + Math.PI / 2;
   const side = to.x * Math.cos(across) + to.y * Math.sin(across) < 0 ? -beside : beside;

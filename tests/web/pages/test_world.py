@@ -53,6 +53,7 @@ def test_figure_1_of_the_paper(browser: Browser, tmp_path: Path, size: dict[str,
             showing(stage, page, shown)
             if name == "c-press":
                 page.keyboard.press("Space")
+            expect(page.locator("svg.pressed")).to_have_count(1 if name == "c-press" else 0)
             picture(page, tmp_path, f"{name}-{size['width']}")
             expect(page.locator(".ball.lit")).to_have_count(len(shown.lit))
             expect(page.locator(".ball.held")).to_have_count(1 if shown.held else 0)
