@@ -18,6 +18,7 @@ class _Job:
     content: bytes
     loop: asyncio.AbstractEventLoop
     done: "asyncio.Future[None]"
+    log: "Log | None"
 
 
 class Journal:
@@ -35,10 +36,10 @@ class Journal:
         self._thread = threading.Thread(target=self._run, name="journal", daemon=True)
         self._thread.start()
 
-    def append(self, path: Path, content: bytes) -> "asyncio.Future[None]":
+    def append(self, path: Path, content: bytes, log: "Log | None" = None) -> "asyncio.Future[None]":
         """Have `content` (lines with their ends) written at the end of `path`, which is made if need be."""
         loop = asyncio.get_running_loop()
-        job = _Job(path, content, loop, loop.create_future())
+        job = _Job(path, content, loop, loop.create_future(), log)
         self._jobs.put(job)
         return job.done
 
@@ -64,14 +65,22 @@ class Journal:
             os.close(file)
 
     def _write(self, path: Path, jobs: list[_Job]) -> None:
+        for job in jobs:
+            if job.log is not None and job.log.lost is not None:
+                _tell(job, job.log.lost)
+        jobs = [job for job in jobs if job.log is None or job.log.lost is None]
         error: OSError | None = None
         try:
-            _append_all(self._opened(path), b"".join(job.content for job in jobs))
+            if jobs:
+                _append_all(self._opened(path), b"".join(job.content for job in jobs))
         except OSError as reason:
             error = reason
+        except Exception as reason:  # the thread must live: whoever waits would wait for ever
+            error = OSError(f"{type(reason).__name__}: {reason}")
         for job in jobs:
-            with suppress(RuntimeError):  # nobody waits any more: the loop is closed
-                job.loop.call_soon_threadsafe(_settle, job.done, error)
+            if job.log is not None:
+                job.log.lost = error
+            _tell(job, error)
 
     def _opened(self, path: Path) -> int:
         if path in self._files:
@@ -87,6 +96,18 @@ class Journal:
         return file
 
 
+class Log:
+    """Appends to one file lines that count on each other: after one that was lost, none is written."""
+
+    def __init__(self, journal: Journal, path: Path) -> None:
+        self._journal, self._path = journal, path
+        self.lost: OSError | None = None
+
+    def append(self, content: bytes) -> "asyncio.Future[None]":
+        """As the journal's; fails with the error of the first line that was lost."""
+        return self._journal.append(self._path, content, self)
+
+
 def _append_all(file: int, content: bytes) -> None:
     """Write and flush; on an error nothing of it stays."""
     before = os.fstat(file).st_size
@@ -94,7 +115,7 @@ def _append_all(file: int, content: bytes) -> None:
         written = 0
         while written < len(content):
             written += os.write(file, content[written:])
-        os.fdatasync(file)
+        (os.fdatasync if hasattr(os, "fdatasync") else os.fsync)(file)
     except OSError:
         os.ftruncate(file, before)
         raise
@@ -107,6 +128,11 @@ def _flush_folder(folder: Path) -> None:
         os.fsync(at)
     finally:
         os.close(at)
+
+
+def _tell(job: _Job, error: OSError | None) -> None:
+    with suppress(RuntimeError):  # nobody waits any more: the loop is closed
+        job.loop.call_soon_threadsafe(_settle, job.done, error)
 
 
 def _settle(done: "asyncio.Future[None]", error: OSError | None) -> None:

@@ -9,7 +9,7 @@ import msgspec
 
 from taskcomm.logwriter import TrialWriter
 from taskcomm.web.client import REFUSED, REPLACED, Client
-from taskcomm.web.journal import torn_end
+from taskcomm.web.journal import Log, torn_end
 from taskcomm.web.pilots import OperatorPilot, Pilot, PlannerPilot
 from taskcomm.web.protocol import (
     Acknowledged,
@@ -217,7 +217,7 @@ class Room:
         run = TrialRun(
             writer,
             pilot,
-            lambda content: services.journal.append(path, content),
+            Log(services.journal, path).append,
             self,
             services.timing,
             frozenset(waits_for),
