@@ -1,8 +1,8 @@
 // The admin's page: who is where, a look at a running trial, pause and abort, and every logged trial.
 
-import { el } from "./dom.js";
+import { el, set } from "./dom.js";
 import { Replays } from "./replay.js";
-import { sheet } from "./sheet.js";
+import { button, sheet } from "./tools.js";
 import { told, words } from "./words.js";
 import { WorldView } from "./world.js";
 
@@ -25,15 +25,21 @@ class Admin {
     this.badge = el("span", { class: "badge", hidden: true }, "simulated");
     this.study = el("section", { "aria-label": "Participants" });
     this.trials = el("section", { "aria-label": "Trials", hidden: true });
-    this.tabs = ["Participants", "Trials"].map((name, i) =>
-      el("button", { type: "button", class: "tab", "aria-pressed": String(i === 0), onclick: () => this.#turn(i) }, name),
-    );
+    this.tabs = ["Participants", "Trials"].map((name, i) => {
+      const tab = button(name, () => this.#turn(i), { class: "tab" });
+      return set(tab, { "aria-pressed": i === 0 });
+    });
+    const heading = el("h1", {}, welcome.title, this.badge);
     root.append(
-      el("header", { class: "top" }, el("h1", {}, welcome.title, this.badge), el("nav", {}, ...this.tabs), this.server),
+      el("header", { class: "top" }, heading, el("nav", {}, ...this.tabs), this.server),
       this.study,
       this.trials,
     );
-    this.people = new People(this.study, { watch: (who) => this.#watch(who), order: (who, what) => this.#order(who, what), replay: (who) => this.#replays(who) });
+    this.people = new People(this.study, {
+      watch: (who) => this.#watch(who),
+      order: (who, what) => this.#order(who, what),
+      replay: (who) => this.#replays(who),
+    });
     this.live = new Live(this.study, () => this.#watch(null));
     this.replays = new Replays(this.trials, wire, true);
   }
@@ -81,7 +87,8 @@ class Admin {
 
   #order(participant, what) {
     this.people.tell("");
-    if (!this.wire.send({ type: "order", participant, what })) this.people.tell("The connection is lost; nothing was done.");
+    const sent = this.wire.send({ type: "order", participant, what });
+    if (!sent) this.people.tell("The connection is lost; nothing was done.");
   }
 
   #server({ trials, clients, late_ms: late, missed, simulated }) {
@@ -96,7 +103,7 @@ class Admin {
   }
 }
 
-const ms = (value) => (value === null || value === undefined ? "" : `${value < 10 ? value.toFixed(1) : Math.round(value)} ms`);
+const ms = (value) => (value === null ? "" : `${value < 10 ? value.toFixed(1) : Math.round(value)} ms`);
 const STATES = { run: "running", count: "counting down", pause: "paused", over: "over" };
 
 const running = (one) => one.t !== null && one.state !== "over";
@@ -124,10 +131,13 @@ class People {
     this.body = el("tbody");
     const names = ["Participant", ...COLUMNS.map(([name]) => name), "Running trial", "Logged trials"];
     const heads = names.map((name) => el("th", { scope: "col" }, name));
-    const help = "Key lost: steps of the running trial whose key was not recorded. Defaults: steps without a decision in time.";
+    const help =
+      "Key lost: steps of the running trial whose key was not recorded." +
+      " Defaults: steps without a decision in time.";
+    const head = el("thead", {}, el("tr", {}, ...heads));
     parent.append(
       this.problem,
-      el("div", { class: "wide" }, el("table", { class: "people" }, el("thead", {}, el("tr", {}, ...heads)), this.body)),
+      el("div", { class: "wide" }, el("table", { class: "people" }, head, this.body)),
       el("p", { class: "help" }, help),
     );
   }
@@ -158,7 +168,6 @@ class People {
   }
 
   #add(name) {
-    const button = (text, press) => el("button", { type: "button", onclick: press }, text);
     const cells = COLUMNS.map(() => el("td"));
     const watch = button("Watch", () => this.watch(name));
     const pause = button("Pause", () => this.order(name, pause.dataset.what));
@@ -192,9 +201,14 @@ class People {
     const dialog = el(
       "dialog",
       { class: "tool", "aria-label": "Abort" },
-      el("p", {}, `Abort the running trial of ${name}? Its log ends as “aborted”; this cannot be taken back.`),
-      el("p", { class: "do" }, el("button", { type: "button", autofocus: true, onclick: () => dialog.close("") }, "Leave it running"),
-        el("button", { type: "button", class: "grave", onclick: () => dialog.close("abort") }, "Abort the trial")),
+      el("p", {}, `Abort the running trial of ${name}?`),
+      el("p", {}, "Its log ends as “aborted”; this cannot be taken back."),
+      el(
+        "p",
+        { class: "do" },
+        button("Leave it running", () => dialog.close(""), { autofocus: true }),
+        button("Abort the trial", () => dialog.close("abort"), { class: "grave" }),
+      ),
     );
     dialog.addEventListener("close", () => {
       if (dialog.returnValue === "abort") this.order(name, "abort");
@@ -212,8 +226,8 @@ class Live {
     this.view = el("div", { class: "view" });
     this.line = el("p", { class: "now", "aria-live": "off" });
     this.facts = el("p", { class: "facts" });
-    const close = el("button", { type: "button", onclick: leave }, "Stop watching");
-    this.section = el("section", { class: "live", hidden: true }, el("div", { class: "head" }, this.title, close, this.facts), this.view, this.line);
+    const head = el("div", { class: "head" }, this.title, button("Stop watching", leave), this.facts);
+    this.section = el("section", { class: "live", hidden: true }, head, this.view, this.line);
     parent.append(this.section);
   }
 
@@ -240,6 +254,9 @@ class Live {
   }
 
   know(one) {
-    if (one) this.facts.textContent = `${one.trial ?? "no trial"} · ${one.condition ?? ""} · ${this.presses} ${this.presses === 1 ? "press" : "presses"} seen here · key lost in ${one.lost} steps`;
+    if (!one) return;
+    const presses = `${this.presses} ${this.presses === 1 ? "press" : "presses"} seen here`;
+    const said = [one.trial ?? "no trial", one.condition, presses, `key lost in ${one.lost} steps`];
+    this.facts.textContent = said.filter(Boolean).join(" · ");
   }
 }

@@ -1,4 +1,4 @@
-// The belief over a trial: lines of P(Mov), P(WRT), P(Dist) and the entropy; presses as vertical lines; a cursor.
+// The belief over a trial: P(Mov), P(WRT), P(Dist), the entropy; presses as vertical lines; a cursor.
 
 import { set, svg } from "./dom.js";
 
@@ -18,10 +18,11 @@ export class Charts {
   constructor(parent, { belief, presses, card, pick }) {
     Object.assign(this, { belief, presses, pick });
     this.steps = belief.time.length - 1;
-    const rows = Object.entries(belief.marginals).map(([field, columns], i) => ({ field, columns, true: card[i] }));
+    const parts = Object.entries(belief.marginals);
+    const rows = parts.map(([field, columns], i) => ({ field, columns, right: card[i] }));
     this.height = LANE + GAP + rows.length * (HEIGHTS.part + GAP) + HEIGHTS.entropy + AXIS;
     this.svg = svg("svg", { class: "charts", viewBox: `0 0 ${WIDTH} ${this.height}`, role: "img" });
-    set(this.svg, { "aria-label": "The belief over time; the line below the pictures says where it stands." });
+    set(this.svg, { "aria-label": "The belief over time; the line below says where it stands." });
     let top = LANE + GAP;
     for (const row of rows) {
       this.#part(row, top);
@@ -71,13 +72,12 @@ export class Charts {
     this.svg.append(svg("polyline", { class: "line", points: points.join(" "), ...attributes }));
   }
 
-  #part({ field, columns, true: right }, top) {
+  #part({ field, columns, right }, top) {
     const y = this.#frame(top, HEIGHTS.part, NAMES[field] ?? field, 1, [0, 0.5, 1]);
     const entries = Object.entries(columns);
     entries.forEach(([value, column], i) => {
-      const known = String(right) === value;
-      const stroke = COLOURS[i % COLOURS.length];
-      this.#line(column, y, { stroke, "stroke-dasharray": DASHES[i % DASHES.length], "stroke-width": known ? 3.2 : 1.7 });
+      const look = { stroke: COLOURS[i % COLOURS.length], "stroke-dasharray": DASHES[i % DASHES.length] };
+      this.#line(column, y, { ...look, "stroke-width": String(right) === value ? 3.2 : 1.7 });
     });
     const ends = entries.map(([value, column], i) => {
       const at = y(column.at(-1));
@@ -89,7 +89,7 @@ export class Charts {
   /** The value that a line is of, beside its end. */
   #end({ value, i, at, y, known }) {
     const [colour, from] = [COLOURS[i % COLOURS.length], WIDTH - RIGHT];
-    const lead = svg("line", { x1: from + 1, y1: at, x2: from + 11, y2: y, stroke: colour, "stroke-width": 1 });
+    const lead = svg("line", { x1: from + 1, y1: at, x2: from + 11, y2: y, stroke: colour });
     const label = svg("text", { class: "end", x: from + 14, y: y + 5 }, known ? `${value} ✓` : value);
     label.style.fill = colour;
     this.svg.append(lead, label);
@@ -113,9 +113,12 @@ export class Charts {
         svg("text", { class: "tick centre", x, y: this.bottom + 18 }, String(time)),
       );
     }
-    this.svg.append(svg("text", { class: "tick left", x: WIDTH - RIGHT, y: this.bottom + 32 }, "time in seconds"));
+    const y = this.bottom + 32;
     const legend = "✓ on the card · black: presses · grey: key not recorded";
-    this.svg.append(svg("text", { class: "tick", x: LEFT, y: this.bottom + 32 }, legend));
+    this.svg.append(
+      svg("text", { class: "tick left", x: WIDTH - RIGHT, y }, "time in seconds"),
+      svg("text", { class: "tick", x: LEFT, y }, legend),
+    );
   }
 
   #presses() {
@@ -127,7 +130,8 @@ export class Charts {
       lane.append(svg("rect", { x: x - 4, y: 4, width: 8, height: LANE - 6, rx: 2 }));
     }
     for (const [from, to] of unseen(this.belief.pressed)) {
-      lane.append(svg("rect", { class: "unseen", x: this.#x(from), y: 4, width: this.#x(to) - this.#x(from), height: LANE - 6 }));
+      const box = { x: this.#x(from), y: 4, width: this.#x(to) - this.#x(from), height: LANE - 6 };
+      lane.append(svg("rect", { class: "unseen", ...box }));
     }
     this.svg.append(lane);
   }
@@ -146,10 +150,12 @@ function unseen(pressed) {
 
 /** The `ends` moved along y so that neighbours are `far` apart, within low to high. */
 function apart(ends, far, low, high) {
-  const sorted = [...ends].sort((a, b) => a.y - b.y || a.i - b.i).map((end) => ({ ...end, y: Math.max(low, end.y) }));
+  const sorted = [...ends].sort((a, b) => a.y - b.y || a.i - b.i).map((end) => ({ ...end }));
   sorted.forEach((end, i) => {
-    if (i) end.y = Math.max(end.y, sorted[i - 1].y + far);
+    end.y = Math.max(end.y, i ? sorted[i - 1].y + far : low);
   });
-  for (let i = sorted.length - 1, limit = high; i >= 0; i -= 1, limit -= far) sorted[i].y = Math.min(sorted[i].y, limit);
+  sorted.forEach((end, i) => {
+    end.y = Math.min(end.y, high - far * (sorted.length - 1 - i));
+  });
   return sorted;
 }

@@ -1,6 +1,7 @@
 // The presses of a trial in a table: to an admin why each was made, to an annotator the question.
 
 import { el } from "./dom.js";
+import { button } from "./tools.js";
 
 const MEANINGS = {
   mistake: ["Mistake", "no approval: a slip, or it was meant otherwise"],
@@ -29,7 +30,7 @@ class Presses {
 
   when(press) {
     const text = `${seconds(press.t, this.replay.dt)} s`;
-    return el("th", { scope: "row" }, el("button", { type: "button", class: "link", onclick: () => this.pick(press.t) }, text));
+    return el("th", { scope: "row" }, button(text, () => this.pick(press.t), { class: "link" }));
   }
 }
 
@@ -39,8 +40,8 @@ export class Reasons extends Presses {
     super(replay, pick);
     this.rows = replay.presses.map((press) => this.#row(press));
     const states = this.#states();
-    const noted = replay.presses.some((press) => press.noted);
-    const heads = ["Press at", ...states.map((state) => meaning(state)[0]), "Labels", ...(noted ? ["In truth"] : [])];
+    const heads = ["Press at", ...states.map((state) => meaning(state)[0]), "Labels"];
+    if (this.#noted()) heads.push("In truth");
     const caption = "Why each press was made: bars with the whole trial known, ticks as believed just then";
     parent.append(
       el(
@@ -53,16 +54,22 @@ export class Reasons extends Presses {
     );
   }
 
+  /** Whether the log itself says why, as simulated ones do. */
+  #noted() {
+    return this.replay.presses.some((press) => press.noted);
+  }
+
   #states() {
     return this.replay.reasons.length ? Object.keys(this.replay.reasons[0].at_end) : [];
   }
 
   #row(press) {
     const reason = this.replay.reasons[this.replay.presses.indexOf(press)];
-    const cells = this.#states().map((state) => el("td", {}, bar(reason.at_end[state], reason.at_once[state])));
+    const { at_end: end, at_once: once } = reason ?? {};
+    const bars = this.#states().map((state) => el("td", {}, bar(end[state], once[state])));
     const said = Object.entries(press.labels).map(([who, state]) => `${who}: ${meaning(state)[0]}`);
-    const truly = this.replay.presses.some((one) => one.noted) ? [el("td", {}, press.noted ? meaning(press.noted)[0] : "")] : [];
-    return el("tr", {}, this.when(press), ...cells, el("td", {}, said.join(", ") || "–"), ...truly);
+    const truly = this.#noted() ? el("td", {}, press.noted ? meaning(press.noted)[0] : "") : null;
+    return el("tr", {}, this.when(press), ...bars, el("td", {}, said.join(", ") || "–"), truly);
   }
 }
 
@@ -71,7 +78,8 @@ function bar(share, once) {
   fill.style.width = `${100 * share}%`;
   tick.style.left = `${100 * once}%`;
   const title = `just then ${once.toFixed(2)}, with the whole trial ${share.toFixed(2)}`;
-  return el("div", { class: "share", title }, el("span", { class: "bar" }, fill, tick), el("span", { class: "number" }, share.toFixed(2)));
+  const number = el("span", { class: "number" }, share.toFixed(2));
+  return el("div", { class: "share", title }, el("span", { class: "bar" }, fill, tick), number);
 }
 
 /** The annotator's table: one choice for each press; `label(press, state)` sends it. */
@@ -96,12 +104,14 @@ export class Labels extends Presses {
 
   #row(press) {
     const choices = this.replay.states.map((state) => {
-      const attributes = { type: "radio", name: `press-${press.seq}`, value: state, checked: press.label === state };
-      const radio = el("input", { ...attributes, onchange: () => this.#chosen(press, state) });
+      const one = { type: "radio", name: `press-${press.seq}`, value: state, checked: press.label === state };
+      const radio = el("input", { ...one, onchange: () => this.#chosen(press, state) });
       return el("label", {}, radio, ` ${meaning(state)[0]}`);
     });
-    const group = el("div", { role: "radiogroup", "aria-label": `Press at ${seconds(press.t, this.replay.dt)} s` }, ...choices);
-    return el("tr", {}, this.when(press), el("td", {}, group), el("td", { class: "saved", "aria-live": "polite" }));
+    const name = `Press at ${seconds(press.t, this.replay.dt)} s`;
+    const group = el("div", { role: "radiogroup", "aria-label": name }, ...choices);
+    const saved = el("td", { class: "saved", "aria-live": "polite" });
+    return el("tr", {}, this.when(press), el("td", {}, group), saved);
   }
 
   #chosen(press, state) {
@@ -144,7 +154,9 @@ export class Labels extends Presses {
   }
 
   #count() {
+    const all = this.replay.presses.length;
     const left = this.replay.presses.filter((press) => !press.label).length;
-    this.left.textContent = left ? `${left} of ${this.replay.presses.length} presses have no label yet.` : "All presses have a label.";
+    const some = `${left} of ${all} presses have no label yet.`;
+    this.left.textContent = left ? some : "All presses have a label.";
   }
 }

@@ -3,9 +3,9 @@
 import { Charts } from "./charts.js";
 import { el } from "./dom.js";
 import { Labels, Reasons } from "./reasons.js";
-import { sheet } from "./sheet.js";
 import { TimeBar } from "./timebar.js";
-import { TrialList } from "./triallist.js";
+import { button, sheet } from "./tools.js";
+import { TrialList, ending } from "./triallist.js";
 import { told, words } from "./words.js";
 import { WorldView } from "./world.js";
 
@@ -25,7 +25,8 @@ function taken({ target, key }) {
 export function start(root, wire, welcome) {
   root.lang = "en";
   root.classList.add("tool");
-  const heading = el("header", { class: "head" }, el("h1", {}, welcome.title), el("p", { class: "facts" }, `Annotator ${welcome.name}`));
+  const who = el("p", { class: "facts" }, `Annotator ${welcome.name}`);
+  const heading = el("header", { class: "head" }, el("h1", {}, welcome.title), who);
   const place = el("section", { "aria-label": "Trials" });
   root.append(heading, place);
   return new Replays(place, wire, false);
@@ -90,7 +91,8 @@ export class Replays {
 
   #label(replay, press, state) {
     this.#tell("");
-    const sent = this.wire.send({ type: "label", trial: replay.trial, press_seq: press.seq, mental_state: state });
+    const said = { trial: replay.trial, press_seq: press.seq, mental_state: state };
+    const sent = this.wire.send({ type: "label", ...said });
     if (!sent) {
       this.#tell("The connection is lost; this label was not saved.");
       this.player.labels.failed();
@@ -122,14 +124,15 @@ class Player {
   constructor(parent, replay, { models, close, choose, label }) {
     this.replay = replay;
     this.presses = new Set(replay.presses.map((press) => press.t));
-    const [world, right, below] = [el("div", { class: "view" }), el("div", { class: "right" }), el("div", { class: "below" })];
+    const [world, right, below] = ["view", "right", "below"].map((name) => el("div", { class: name }));
     const bar = el("div");
     this.line = el("p", { class: "now" });
-    const back = el("button", { type: "button", onclick: close }, "All trials");
-    const title = el("h1", {}, `Trial ${replay.trial}`, replay.source === "simulated" ? el("span", { class: "badge" }, "simulated") : "");
+    const badge = replay.source === "simulated" ? el("span", { class: "badge" }, "simulated") : "";
+    const title = el("h1", {}, `Trial ${replay.trial}`, badge);
+    const known = el("p", { class: "facts" }, facts(replay));
     const model = replay.belief ? modelChoice(models, replay.belief.model, choose) : null;
     parent.append(
-      el("div", { class: "head" }, back, title, el("p", { class: "facts" }, facts(replay)), model),
+      el("div", { class: "head" }, button("All trials", close), title, known, model),
       el("div", { class: replay.belief ? "player" : "player blind" }, world, right),
       bar,
       this.line,
@@ -151,7 +154,8 @@ class Player {
       if (replay.reasons.length) this.table = new Reasons(below, replay, pick);
     } else if (replay.presses.length) this.table = this.labels = new Labels(right, replay, pick, label);
     else right.append(el("p", {}, "There is no press in this trial: nothing to label."));
-    parent.append(el("p", { class: "help" }, KEYS + (this.labels ? "; digits label the marked press" : "") + "."));
+    const keys = this.labels ? `${KEYS}; digits label the marked press.` : `${KEYS}.`;
+    parent.append(el("p", { class: "help" }, keys));
   }
 
   key(event) {
@@ -183,7 +187,8 @@ class Player {
     const when = frame.t < 0 ? "Before the first step." : `${this.#seconds(at).toFixed(1)} s.`;
     const done = told(say, frame) || (frame.t < 0 ? "" : "The robot does nothing.");
     const pressed = this.presses.has(frame.t) ? "The teacher presses." : "";
-    return [when, done, pressed, belief ? this.#believed(Math.min(at, belief.time.length - 1)) : ""].filter(Boolean).join(" ");
+    const believed = belief ? this.#believed(Math.min(at, belief.time.length - 1)) : "";
+    return [when, done, pressed, believed].filter(Boolean).join(" ");
   }
 
   #believed(at) {
@@ -204,15 +209,15 @@ function modelChoice(models, now, choose) {
 /** What is known of a trial, in a line. An annotator's says nothing of conditions. */
 function facts({ about, card, frames, presses }) {
   const [mov, wrt, dist] = card;
-  const task = card.length ? `card: ${say("card_picture", { mov, wrt, dist }).toLowerCase()}` : "card unknown";
+  const asked = say("card_picture", { mov, wrt, dist }).toLowerCase();
+  const task = card.length ? `card: ${asked}` : "card unknown";
   if (!about.trial) return `${task} · ${presses.length} presses`;
-  const ended = { final: about.correct === null ? "Final" : about.correct ? "Final, right" : "Final, wrong", timeout: "timeout", aborted: "aborted" };
   const said = [
     `participant ${about.participant ?? "unknown"}`,
     `condition ${about.condition}`,
     task,
     `${about.steps} steps, ${presses.length} presses`,
-    ended[about.reason] ?? "broke off",
+    ending(about),
     about.lost ? `key not recorded in ${about.lost} steps` : "",
     about.defaults ? `${about.defaults} default actions` : "",
   ];

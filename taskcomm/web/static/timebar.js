@@ -1,14 +1,15 @@
 // The time bar of a replay: a slider over the frames, play and pause, speeds, steps, the presses.
 
 import { el } from "./dom.js";
+import { button } from "./tools.js";
 
 const SPEEDS = [0.5, 1, 2, 4, 8];
 
 const BEFORE = 5; // seconds that are played before a press
 
 /**
- * A position among `count` frames. `moved(at, played)` is called at every change; `jumps` are the positions of
- * presses, `time(at)` is in seconds, `told(at)` says in words where the slider stands; `dt` is a frame's time.
+ * A position among `count` frames, each of `dt` seconds. `moved(at, played)` is called at each change;
+ * `jumps` are the positions of presses, `time(at)` is in seconds, `told(at)` says in words where the slider stands.
  */
 export class TimeBar {
   constructor(parent, { count, dt, jumps, time, moved, told }) {
@@ -19,13 +20,13 @@ export class TimeBar {
       type: "range", min: 0, max: count - 1, step: 1, value: 0, class: "slider", "aria-label": "Time",
       oninput: () => this.go(Number(this.slider.value)),
     });
-    this.button = el("button", { type: "button", class: "play", onclick: () => this.toggle() });
+    this.button = button("Play", () => this.toggle(), { class: "play" });
     this.speed = el(
       "select",
       { "aria-label": "Speed", onchange: () => this.timer && this.#restart() },
       ...SPEEDS.map((speed) => el("option", { value: speed, selected: speed === 1 }, `${speed} ×`)),
     );
-    const small = (text, name, step) => el("button", { type: "button", title: name, "aria-label": name, onclick: step }, text);
+    const small = (text, name, go) => button(text, go, { title: name, "aria-label": name });
     this.clock = el("output", { class: "clock" });
     parent.append(
       el(

@@ -1,10 +1,13 @@
 // The trials that can be opened, in a table that can be narrowed down.
 
 import { el } from "./dom.js";
+import { button } from "./tools.js";
 
-const ended = (row) =>
-  ({ final: row.correct === null ? "Final" : row.correct ? "Final, right" : "Final, wrong", timeout: "timeout", aborted: "aborted" })[row.reason] ??
-  "not over";
+/** How a trial ended, in words. */
+export function ending({ reason, correct }) {
+  if (reason !== "final") return reason ?? "not over";
+  return correct === null ? "Final" : correct ? "Final, right" : "Final, wrong";
+}
 
 const COLUMNS = [
   ["Participant", (row) => row.participant ?? ""],
@@ -12,7 +15,7 @@ const COLUMNS = [
   ["Steps", (row) => row.steps],
   ["Presses", (row) => row.presses],
   ["Labelled", (row) => `${row.labelled} of ${row.presses}`],
-  ["End", ended, "full"],
+  ["End", ending, "full"],
   ["Key lost", (row) => row.lost, "full"],
   ["Defaults", (row) => row.defaults, "full"],
   ["Data", (row) => row.source],
@@ -54,7 +57,8 @@ export class TrialList {
 
   #draw() {
     const wanted = this.filter.value.trim().toLowerCase();
-    const shown = this.rows.filter((row) => JSON.stringify(Object.values(row)).toLowerCase().includes(wanted));
+    const fits = (row) => JSON.stringify(Object.values(row)).toLowerCase().includes(wanted);
+    const shown = this.rows.filter(fits);
     const none = this.rows.length ? "None fits." : "No trial has been logged yet.";
     this.count.textContent = shown.length ? `${shown.length} of ${this.rows.length} trials` : none;
     this.body.replaceChildren(...shown.map((row) => this.#row(row)));
@@ -65,7 +69,7 @@ export class TrialList {
       const said = el("td", { colspan: this.columns.length }, `cannot be read: ${row.problem}`);
       return el("tr", { class: "unread" }, el("th", { scope: "row" }, row.trial), said);
     }
-    const name = el("button", { type: "button", class: "link", onclick: () => this.open(row.trial) }, row.trial);
+    const name = button(row.trial, () => this.open(row.trial), { class: "link" });
     const done = row.labelled === row.presses && row.presses > 0;
     const cells = this.columns.map(([, text]) => el("td", {}, String(text(row))));
     return el("tr", { class: done ? "done" : "" }, el("th", { scope: "row" }, name), ...cells);
