@@ -6,6 +6,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest
+# Where the tests of the pages keep their pictures.
+export TASKCOMM_ARTEFACTS ?= $(CURDIR)/test-artefacts
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo browser test lint types layers check verify bench bench-planner bench-planner-peers bench-estep study-horizons study-coverage study-recovery study-calibration study-structure clean
@@ -77,6 +79,6 @@ study-structure: $(READY)  ## how many trials does it take to tell a structure? 
 	$(BIN)/python -m learn.structure_study --out structure-results --jobs 2 $(ARGS)
 
 clean:  ## remove .venv and everything made
-	rm -rf $(VENV) demo-results build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis \
+	rm -rf $(VENV) demo-results test-artefacts build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis \
 	  .import_linter_cache .benchmarks
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -39,7 +39,7 @@ export const DEFAULTS = {
   form_missing: "Please answer this question.",
   form_whole: "Please enter a whole number from {low} to {high}.",
   form_optional: "(optional)",
-  form_mend: "Please look at the answers marked below.",
+  form_mend: "Please look again at the answers that are marked.",
   // Connection.
   link_missing: "This page needs the whole link that you were given.",
   link_refused: "This link is not valid here. Please ask the person who gave it to you.",
