@@ -45,7 +45,15 @@ class Services:
         if folder.server_log.exists():
             torn_end(folder.server_log)
         self.journal = Journal()
+        self._mend_trials()
         self.minds = Minds(list(dict.fromkeys(self.robots.values())), processes)
+
+    def _mend_trials(self) -> None:
+        """A crash may have torn any log: of a trial that is over, while it was labelled."""
+        for path in sorted(self.folder.trials_dir.glob("*.jsonl")):
+            torn = torn_end(path)
+            if torn:
+                self.note("torn", file=path.name, bytes=len(torn))
 
     def note(self, kind: str, **fields: Any) -> None:
         """A line in the server's own log."""

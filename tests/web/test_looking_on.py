@@ -8,11 +8,12 @@ from playwright.sync_api import Browser, Page, expect
 from web.houses import Served, receive, send, served
 from websockets.sync.client import ClientConnection
 
-from taskcomm.logs import read_trials, validate
+from taskcomm.logs import read_trials, validate, write_trials
 from taskcomm.verification import verify
 from taskcomm.web.study.folder import StudyFolder
 from taskcomm.web.study.structure import HUMAN, Consent, Design, Operators, Timing
 
+STUDY = Path(__file__).parents[2] / "datasets" / "simulated-study" / "trials.jsonl"
 DESIGN = Design(
     name="looked-at",
     teachers=1,
@@ -104,3 +105,22 @@ def test_a_trial_that_runs_takes_no_label(study: Served) -> None:
         send(annotator, trial="P01-1", **message)
         assert "not over" in receive(annotator, "problem")["text"]
     assert receive(teacher, "frame")["state"] == "run"
+
+
+def test_a_label_torn_by_a_crash_is_mended_and_given_again(tmp_path: Path) -> None:
+    folder = StudyFolder.new(tmp_path / "study", DESIGN)
+    chosen = [trial for trial in read_trials(STUDY) if trial.trial_id == "study-002-2"]
+    path = folder.trials_dir / "study-002-2.jsonl"
+    path.parent.mkdir(exist_ok=True)
+    write_trials(chosen, path)
+    press = chosen[0].step_seqs[int(chosen[0].presses.argmax())]
+    with path.open("ab") as file:
+        file.write(b'{"type":"label","trial_id":"study-0')
+    with served(folder) as study:
+        annotator = study.hello("annotator", "annotator-1")
+        send(annotator, type="label", trial="study-002-2", press_seq=press, mental_state="mistake")
+        assert receive(annotator, "ack", "problem")["type"] == "ack"
+    assert '"kind":"torn","file":"study-002-2.jsonl","bytes":35' in folder.server_log.read_text()
+    assert validate(folder.trials_dir).ok
+    (trial,) = read_trials(folder.trials_dir)
+    assert len(trial.labels) == 1

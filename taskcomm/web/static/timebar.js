@@ -9,7 +9,7 @@ const BEFORE = 5; // seconds that are played before a press
 
 /**
  * A position among `count` frames, each of `dt` seconds. `moved(at, played)` is called at each change;
- * `jumps` are the positions of presses, `time(at)` is in seconds, `told(at)` says in words where the slider stands.
+ * `jumps` are the positions of presses, `time(at)` is in seconds, `told(at)` says what is there.
  */
 export class TimeBar {
   constructor(parent, { count, dt, jumps, time, moved, told }) {
