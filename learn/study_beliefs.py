@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from learn.bootstrap import Interval, ratio_interval
-from learn.study_trials import Missing, source_note, teacher_of
+from learn.study_trials import Missing, counted, source_note, teacher_of
 from taskcomm.belief import ImpossibleObservation
 from taskcomm.lattice import LatticeTooLarge
 from taskcomm.levels import Floats
@@ -141,7 +141,9 @@ def typical_recovery(of: Sequence[Believed], field: str = "mov") -> Recovery:
     if not mistaken:
         raise Missing("no press is known to be a mistake, from a simulation or a label")
     if best is None or best[0] <= 0:
-        raise Missing(f"none of {mistaken} mistaken presses raised a wrong {field} that the trial then undid")
+        raise Missing(
+            f"none of {counted(mistaken, 'mistaken press')} raised a wrong {field} that the trial then undid"
+        )
     spike, one, step, wrong = best
     return Recovery(one, step, field, wrong, spike, mistake_over_time(one, step))
 

@@ -63,4 +63,4 @@ def _cell(value: Any) -> str:
         return ""
     if isinstance(value, bool):
         return "true" if value else "false"
-    return str(value).replace("\r\n", "\n").replace("\r", "\n").replace("\0", "")
+    return str(value).replace("\r\n", "\n").replace("\r", "\n").replace("\0", "\ufffd")

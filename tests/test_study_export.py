@@ -8,6 +8,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from finishedstudy import DECLINED, finished
 from hypothesis import given
 from hypothesis import strategies as st
 from logsamples import trials as any_trial
+from ratedstudy import unrated
 
 from taskcomm.cli import main
 from taskcomm.datapackage import datapackage
@@ -219,6 +221,22 @@ def test_the_tables_say_what_the_logs_say(study: StudyFolder, dataset: Path) -> 
     assert (pressed["client_time"], pressed["num_annotators"]) == ("1700000000000.0", "2")
 
 
+def test_a_key_event_that_names_no_step_is_of_the_step_in_which_it_stands_in_the_log() -> None:
+    trial = unrated()[0]
+    first, second = (int(t) for t in trial.presses.nonzero()[0][:2])
+    at = {"kind": "press", "n": 1, "at": 7.0}
+    events = [{**at, "seq": 1 + first}, {**at, "seq": 2 + first, "at": 8.0}, {**at, "seq": 3 + second}]
+    (rows,) = (
+        table.rows
+        for table in trial_tables([replace(trial, events=tuple(events))])
+        if table.name == "presses"
+    )
+    assert [(row["t"], row.get("key_events"), row.get("client_time")) for row in rows][:2] == [
+        (first, 2, 7.0), (second, 1, 7.0)
+    ]  # fmt: skip
+    assert all("key_events" not in row for row in rows[2:])
+
+
 def test_the_raw_logs_are_kept_byte_for_byte_and_are_valid_logs(study: StudyFolder, dataset: Path) -> None:
     raw = dataset / "data" / "primary_data"
     kept = bytes_of(raw)
@@ -269,7 +287,10 @@ def test_a_simulated_study_is_called_simulated_wherever_it_is_described(tmp_path
         assert "SIMULATED: the teachers are programs, no person took part." in text
     assert "simulated" in metadata["name"]
     assert {row["source"] for row in rows_of(out, "trials")} == {"simulated"}
-    assert {row["true_state"] for row in rows_of(out, "presses")} > {"mistake", "that_mov"}
+    presses = rows_of(out, "presses")
+    assert {row["true_state"] for row in presses} > {"mistake", "that_mov"}
+    labels = {(row["num_annotators"], row["label"]) for row in presses}
+    assert labels == {("0", ""), ("2", "that_mov")}
     assert psychdsrules.problems(out) == set()
 
 

@@ -113,6 +113,18 @@ def test_the_mistake_shown_has_the_greatest_spike_that_was_undone() -> None:
     assert rows[found.step + 1]["press"] == 1
 
 
+def test_a_mistake_that_the_trial_did_not_undo_is_no_recovery() -> None:
+    found = typical_recovery(beliefs())
+    trial = found.of.trial
+    cut = replace(trial, steps=trial.steps[: found.step + 1], reason=None, displayed=None)
+    (one,), _ = believed([cut], intuitive)
+    assert one.truth[found.step] == "mistake"
+    with pytest.raises(
+        Missing, match=r"none of \d mistaken press(es)? raised a wrong mov that the trial then undid"
+    ):
+        typical_recovery([replace(one, truth={found.step: "mistake"})])
+
+
 def test_the_probability_of_a_mistake_runs_from_what_was_believed_at_once_to_the_end() -> None:
     one = beliefs()[0]
     for reason in one.reasons:
