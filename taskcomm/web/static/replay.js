@@ -2,6 +2,7 @@
 
 import { Charts } from "./charts.js";
 import { el } from "./dom.js";
+import { arrange } from "./layout.js";
 import { Labels, Reasons } from "./reasons.js";
 import { TimeBar } from "./timebar.js";
 import { button, sheet } from "./tools.js";
@@ -139,6 +140,9 @@ class Player {
       below,
     );
     this.world = new WorldView(world, { say });
+    this.world.show(replay.frames[0]);
+    this.layouts = [];
+    for (const frame of replay.frames) this.layouts.push(arrange(frame, this.layouts.at(-1) ?? null));
     this.time = new TimeBar(bar, {
       count: replay.frames.length,
       dt: replay.dt,
@@ -164,6 +168,7 @@ class Player {
 
   #show(at, played) {
     const frame = this.replay.frames[at];
+    if (at > 0) this.world.layout = this.layouts[at - 1]; // as if all before had been shown
     this.world.show(frame, { animate: played });
     if (this.presses.has(frame.t)) this.world.press();
     else if (!played) this.world.svg.classList.remove("pressed"); // that of where we come from

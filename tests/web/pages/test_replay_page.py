@@ -144,6 +144,23 @@ def test_the_cursor_stands_at_the_belief_that_is_told(browser: Browser, folder: 
         assert abs(cursor["x"] - last["x"]) < 2  # the last press falls in the last step
 
 
+def test_a_moment_looks_the_same_whichever_way_it_is_come_to(
+    browser: Browser, folder: SimpleNamespace
+) -> None:
+    with looking(browser, folder) as (_, page, replay):
+        drawn = page.locator(".view .world .ball, .view .world .marks, .view .world .links")
+        look = "nodes => nodes.map((n) => n.matches('.ball') ? n.getAttribute('transform') : n.outerHTML)"
+        walked = []
+        for _step in range(60):
+            page.keyboard.press("ArrowRight")
+            walked.append(drawn.evaluate_all(look))
+        for at in (60, 3, 41, 40, 12, 55):
+            slider(page).fill(str(len(replay.frames) - 1))
+            slider(page).fill(str(at))
+            now = drawn.evaluate_all(look)
+            assert now == walked[at - 1]
+
+
 def test_reasons_of_presses_are_those_of_the_model_chosen(browser: Browser, folder: SimpleNamespace) -> None:
     with looking(browser, folder) as (stage, page, replay):
         rows = page.locator(".reasons tbody tr")
