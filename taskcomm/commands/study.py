@@ -69,15 +69,21 @@ def export(
     out: Annotated[
         Path, typer.Option(help="Folder of the data set: new, empty, or an earlier export.", file_okay=False)
     ],
+    authors: Annotated[
+        list[str] | None, typer.Option("--author", help="Who made the data set; repeatable.")
+    ] = None,
+    license: Annotated[str | None, typer.Option(help="Its licence: a name (CC-BY-4.0) or a URL.")] = None,
+    citation: Annotated[str | None, typer.Option(help="How to cite it.")] = None,
     json: Json = False,
 ) -> None:
     """Write the study as a Psych-DS data set with Frictionless metadata: tables, raw logs, no links.
 
     Of participants who declined, nothing but their place in the study is exported.
     """
+    settings = dict(locals())
     from taskcomm.commands import study_export as command
 
-    raise typer.Exit(command.run(folder=folder, out=out, json=json))
+    raise typer.Exit(command.run(**settings))
 
 
 @study.command(epilog="Example: taskcomm study rehearse my-study --out my-study-rehearsal")
@@ -95,7 +101,9 @@ def rehearse(
     real_time: Annotated[
         bool, typer.Option("--real-time", help="At the pace of people, instead of full speed.")
     ] = False,
-    analysis: Annotated[bool, typer.Option(help="A fit and a comparison, after export and figures.")] = True,
+    analysis: Annotated[
+        bool, typer.Option(help="Verification, fit and comparison, after export and figures.")
+    ] = True,
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 0,
     json: Json = False,
 ) -> None:

@@ -119,6 +119,7 @@ def _analyses(out: Path, seed: int, analysis: bool) -> list[list[str]]:
     if analysis:
         less = ["--closed-loop", "40", "--decisions", "100", "--starts", "2"]
         commands += [
+            ["replay", logs, "--verify"],
             ["fit", logs, "--out", learned, "--starts", "3", *drawn],
             ["compare", logs, "--out", str(out / "comparison"), *less, *drawn],
         ]
