@@ -48,7 +48,7 @@ def observation_logs(trial: _Trial, world: World, model: TeacherModel) -> Floats
     """ln P(observation of step t | M_t, task), shape (T, tasks, 2 + M), columns as `model.mental_states`.
 
     A key state that was not recorded and a signal that is missing have the factor 1; signals of channels that
-    the model lacks are left aside; a continuous channel contributes its density, however far out a number is. Raises ModelError
+    the model lacks are left aside; a continuous channel contributes its density. Raises ModelError
     where a channel does not fit the world, SignalError naming step and channel for a value that cannot be.
 
     >>> from taskcomm.trials import Step, Trial
