@@ -3,25 +3,29 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from taskcomm.tables import Column, Table
+from taskcomm.tables import UNCREDITED, Column, Credit, Table
 
 PROFILE = "https://datapackage.org/profiles/2.0/datapackage.json"
 
 
 def datapackage(
-    name: str, title: str, about: str, tables: Sequence[Table], files: Mapping[str, str]
+    name: str,
+    title: str,
+    about: str,
+    tables: Sequence[Table],
+    files: Mapping[str, str],
+    credit: Credit = UNCREDITED,
 ) -> dict[str, Any]:
     """The descriptor: a resource for each table, with types, meanings, keys and references of its columns.
 
     `files` are the paths of the tables from the root, by name.
     """
-    return {
-        "$schema": PROFILE,
-        "name": name,
-        "title": title,
-        "description": about,
-        "resources": [_resource(table, files[table.name]) for table in tables],
-    }
+    document: dict[str, Any] = {"$schema": PROFILE, "name": name, "title": title, "description": about}
+    if credit.authors:
+        document["contributors"] = [{"title": author, "roles": ["author"]} for author in credit.authors]
+    if credit.license:
+        document["licenses"] = [{"path" if "://" in credit.license else "name": credit.license}]
+    return document | {"resources": [_resource(table, files[table.name]) for table in tables]}
 
 
 def _resource(table: Table, path: str) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from taskcomm.tables import Column, Table
+from taskcomm.tables import UNCREDITED, Column, Credit, Table
 
 FILE_NAME = re.compile(r"[a-z]+-[a-zA-Z0-9]+(_[a-z]+-[a-zA-Z0-9]+)*_data\.csv")
 PRIMARY = "data/primary_data"
@@ -31,7 +31,12 @@ def file_of(table: Table, study: str) -> str:
 
 
 def description(
-    name: str, about: str, tables: Sequence[Table], keywords: Sequence[str] = (), language: str | None = None
+    name: str,
+    about: str,
+    tables: Sequence[Table],
+    keywords: Sequence[str] = (),
+    language: str | None = None,
+    credit: Credit = UNCREDITED,
 ) -> dict[str, Any]:
     """The content of `dataset_description.json`.
 
@@ -53,7 +58,13 @@ def description(
         "variableMeasured": [_variable(column) for column in columns.values()],
         "keywords": list(keywords),
     }
-    return document | ({"inLanguage": language} if language else {})
+    more = {
+        "inLanguage": language,
+        "author": [{"@type": "Person", "name": author} for author in credit.authors],
+        "license": credit.license,
+        "citation": credit.citation,
+    }
+    return document | {key: value for key, value in more.items() if value}
 
 
 def _variable(column: Column) -> dict[str, str]:

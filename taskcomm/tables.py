@@ -11,6 +11,18 @@ ROW = "row_id"
 
 
 @dataclass(frozen=True)
+class Credit:
+    """Who made a data set, its licence (a name such as CC-BY-4.0, or a URL), and how to cite it."""
+
+    authors: tuple[str, ...] = ()
+    license: str | None = None
+    citation: str | None = None
+
+
+UNCREDITED = Credit()
+
+
+@dataclass(frozen=True)
 class Column:
     """A column: its name, kind of values, meaning and unit; `values` are all that it can have."""
 

@@ -175,10 +175,15 @@ def test_whatever_trials_come_their_tables_keep_their_schemas(trials: list[Trial
     }
 
 
-def test_frictionless_finds_the_package_valid(dataset: Path) -> None:
+def valid_package(dataset: Path) -> Any:
+    """What the validator of Frictionless reports."""
     command = [sys.executable, "-W", "ignore", "-m", "frictionless", "validate", "datapackage.json", "--json"]
     done = subprocess.run(command, cwd=dataset, capture_output=True, text=True, check=False)
-    report = json.loads(done.stdout)
+    return json.loads(done.stdout)
+
+
+def test_frictionless_finds_the_package_valid(dataset: Path) -> None:
+    report = valid_package(dataset)
     assert report["valid"], report
     assert [task["name"] for task in report["tasks"]] == list(NAMES)
     assert sum(task["stats"]["rows"] for task in report["tasks"]) == sum(
@@ -273,6 +278,22 @@ def test_of_who_declined_nothing_but_the_place_in_the_study_is_there(dataset: Pa
         assert DECLINED not in name
         if name.startswith("data/") and "participants" not in name:
             assert DECLINED.encode() not in data, name
+
+
+def test_who_made_a_data_set_is_said_in_both_descriptions(study: StudyFolder, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    said = ["--author", "Ada", "--author", "Bo", "--license", "CC-BY-4.0", "--citation", "Ada and Bo (2026)"]
+    assert main(["study", "export", str(study.path), "--out", str(out), *said]) == DONE
+    metadata, package = json_of(out / "dataset_description.json"), json_of(out / "datapackage.json")
+    assert [(one["@type"], one["name"]) for one in metadata["author"]] == [
+        ("Person", "Ada"),
+        ("Person", "Bo"),
+    ]
+    assert (metadata["license"], metadata["citation"]) == ("CC-BY-4.0", "Ada and Bo (2026)")
+    assert [one["title"] for one in package["contributors"]] == ["Ada", "Bo"]
+    assert package["licenses"] == [{"name": "CC-BY-4.0"}]
+    assert psychdsrules.problems(out) == set()
+    assert valid_package(out)["valid"]
 
 
 def test_a_simulated_study_is_called_simulated_wherever_it_is_described(tmp_path: Path) -> None:

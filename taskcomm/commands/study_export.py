@@ -13,7 +13,7 @@ from taskcomm.datapackage import datapackage
 from taskcomm.logs import TornLogWarning, read_trials
 from taskcomm.peopletables import Person, people_tables
 from taskcomm.psychds import PRIMARY, as_json, description, file_of, ignored, readme
-from taskcomm.tables import Table
+from taskcomm.tables import Credit, Table
 from taskcomm.trials import Trial
 from taskcomm.trialtables import trial_tables
 from taskcomm.web.study.design import Design, load
@@ -26,10 +26,17 @@ RAW = ("trials", "practice", "sessions")
 KEYWORDS = ("human-robot interaction", "task communication", "teaching", "POMDP", "spacebar presses")
 
 
-def run(folder: Path, out: Path, json: bool) -> int:
+def run(
+    folder: Path,
+    out: Path,
+    json: bool,
+    authors: Sequence[str] | None = None,
+    license: str | None = None,
+    citation: str | None = None,
+) -> int:
     """Write the data set and say what is in it. What is in `private` is not so much as opened."""
     terminal = Terminal(json)
-    study = _Study(folder)
+    study = _Study(folder, Credit(tuple(authors or ()), license, citation))
     for problem in study.problems:
         terminal.message(f"warning: {problem}")
     tables = study.tables()
@@ -57,10 +64,10 @@ class _Study:
     Of participants who declined, no log, no session and no answer is.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, credit: Credit) -> None:
         if not (folder / DESIGN).is_file() or not (folder / RECORD).is_file():
             raise FolderError(f"{folder}: is no folder of a study (it lacks {DESIGN} or {RECORD})")
-        self.folder = folder
+        self.folder, self.credit = folder, credit
         self.design: Design = load(folder / DESIGN)
         self.record: Record = read_record(folder / RECORD, self.design)
         self.texts: Texts = load_texts(folder / "texts" / f"{self.design.language}.toml", self.design)
@@ -126,9 +133,11 @@ class _Study:
         found = {paths[table.name]: table.csv() for table in tables}
         keywords = [*KEYWORDS, *(["simulated data"] if self.design.simulated else [])]
         found["dataset_description.json"] = as_json(
-            description(self.title, " ".join(about), tables, keywords, self.design.language)
+            description(self.title, " ".join(about), tables, keywords, self.design.language, self.credit)
         )
-        found["datapackage.json"] = as_json(datapackage(name, self.title, " ".join(about), tables, paths))
+        found["datapackage.json"] = as_json(
+            datapackage(name, self.title, " ".join(about), tables, paths, self.credit)
+        )
         found["README.md"] = readme(
             self.title, [*about, *self._advice()], tables, name, self._raw_text()
         ).encode()
@@ -184,9 +193,10 @@ class _Study:
         if self.design.simulated:
             return []
         return [
-            "Before this is given to others: look through the answers for what could identify somebody, and"
-            " add to `dataset_description.json` who made it (`author`), a `license` and how to cite it"
-            " (`citation`). Free answers are as they were typed: have spreadsheets read them as text.",
+            "Before this is given to others: look through the answers for what could identify somebody. Free"
+            " answers are as they were typed: have spreadsheets read them as text. Who made the set, its"
+            " licence and how to cite it are said when it is exported (`--author`, `--license`,"
+            " `--citation`).",
         ]
 
     def _raw_text(self) -> str:
