@@ -66,14 +66,16 @@ def _found(
 
 def say_widened(start: TeacherModel, longest: float | None, terminal: Terminal) -> None:
     """Say where the initial model is itself beyond --longest, which then does not hold for it."""
-    for name in ("rise", "fall") if longest is not None else ():
-        times = {state: getattr(top, name) for state, top in start.approvals.items()}
-        state = max(times, key=lambda state: times[state])
-        if longest is not None and times[state] > longest:
-            terminal.message(
-                f"warning: --longest {longest:g}: the initial model has {state}.{name} = {times[state]:g} s,"
-                f" so {name}s of up to that are looked for; an --initial with shorter ones does not widen it"
-            )
+    tops = start.approvals.items()
+    times = {f"{state}.{name}": getattr(top, name) for name in ("rise", "fall") for state, top in tops}
+    beyond = [name for name in times if longest is not None and times[name] > longest]
+    if beyond:
+        name = max(beyond, key=lambda name: times[name])
+        terminal.message(
+            f"warning: --longest {longest:g}: the initial model has {name} = {times[name]:g} s, so"
+            f" {len(beyond)} of its rises and falls may stay as long as they are; an --initial with shorter"
+            " ones does not widen it"
+        )
 
 
 def document(result: FitResult) -> dict[str, Any]:
