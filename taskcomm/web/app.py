@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import time
 from collections.abc import AsyncIterator, Awaitable, Callable, MutableMapping
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
@@ -142,4 +143,5 @@ async def _listen(house: House, client: Client) -> None:
         elif isinstance(message, Hello):
             client.drop(REFUSED, "hello was said")
         else:
+            client.heard = time.monotonic()
             await house.handle(client, message)

@@ -54,11 +54,12 @@ class Archive:
     async def _ask(self, question: Callable[..., Told], *values: object) -> Told:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_begin)
+        pool = self._pool
         try:
-            asked = self._pool.submit(question, self._shelf, *values)
+            asked = pool.submit(question, self._shelf, *values)
             return await asyncio.wrap_future(asked)
         except BrokenProcessPool:
-            self._pool = None
+            self._pool = None if self._pool is pool else self._pool
             raise replaying.ReplayError("reading the logs broke off; please try again") from None
 
     def close(self) -> None:

@@ -31,7 +31,12 @@ class Link:
         return Ping(n=self._count)
 
     def pong(self, pong: Pong) -> bool:
-        """Take in the answer; False where that ping was never sent, or answered before."""
+        """Take in the answer; False where that ping was never sent, or answered before.
+
+        An answer that comes after the next eight pings is too old to say anything: it is let pass.
+        """
+        if 0 < pong.n <= self._count - 8:
+            return True
         if pong.n not in self._sent:
             return False
         sent, sent_utc = self._sent.pop(pong.n)
@@ -61,8 +66,14 @@ class Client:
         self.presses = 0
         self.watched: str | None = None
         self.closing: tuple[int, str] | None = None
+        self.heard = time.monotonic()
         self._outbox: asyncio.Queue[bytes | None] = asyncio.Queue(_WAITING)
         self._allowed, self._then = BURST, time.monotonic()
+
+    @property
+    def silent(self) -> float:
+        """Seconds since the last message from it."""
+        return time.monotonic() - self.heard
 
     def send(self, message: ToClient) -> None:
         """Queue a message; a client too slow to take them is dropped."""

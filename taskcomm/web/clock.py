@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 class Clock:
     """Deadlines `step` seconds apart, on the monotonic clock of the machine.
 
-    A pause moves all that comes after it. `late` keeps by how much each tick came too late, in ms.
+    A pause moves all that comes after it, and so does a tick that is late by half a step: what follows a
+    stall of the machine is no burst of short steps. `late` keeps by how much each tick came too late, in ms.
     """
 
     step: float
@@ -22,7 +23,7 @@ class Clock:
 
     @property
     def elapsed_ms(self) -> float:
-        """Time since tick 0 was due, in ms, pauses left out."""
+        """Time since tick 0 was due, in ms, pauses and stalls left out."""
         return 1e3 * (time.monotonic() - self.origin)
 
     def due(self, tick: int) -> float:
@@ -30,11 +31,17 @@ class Clock:
         return self.origin + tick * self.step
 
     async def until(self, tick: int) -> float:
-        """Wait for a tick; by how many ms it came late."""
+        """Wait for a tick; by how many ms it came late. Later ones are moved by a stall."""
         await asyncio.sleep(max(0.0, self.due(tick) - time.monotonic()))
         late = 1e3 * (time.monotonic() - self.due(tick))
         self.late.append(late)
+        if self.stalled(late):
+            self.start(tick)
         return late
+
+    def stalled(self, late: float) -> bool:
+        """Whether a tick so many ms late moves the clock."""
+        return late >= 1e3 * self.step / 2
 
     def summary(self) -> dict[str, float]:
         """Ticks, and their lateness in ms: median, 99th percentile, greatest; missed: late by a step."""

@@ -25,6 +25,8 @@ class Desk:
         if self.client is not None:
             self.client.send(Page(index=0, of=0, kind="gone"))
             self.client.drop(REPLACED, "opened elsewhere")
+        elif self.room is not None and self.room.run is not None:
+            self.room.run.event("operator_back")
         self.client = client
         self.refresh()
         if self.room is not None and self.room.run is not None:
@@ -42,7 +44,8 @@ class Desk:
         running = [room for room in self._rooms if room.run is not None]
         if running:
             return running[0]
-        present = [room for room in self._rooms if room.client is not None and room.plan is not None]
+        able = [room for room in self._rooms if room.client is not None and not room.trouble]
+        present = [room for room in able if room.plan is not None]
         waiting = [room for room in present if room.page.kind == "trial"]
         stays = [self.room] if self.room in present else []
         return next(iter((*waiting, *stays, *present)), None)
@@ -107,7 +110,7 @@ class Desk:
             client.drop(REFUSED, "not yours to control")
             return
         in_time = run.t - 1 <= act.t <= run.t  # a click may cross the tick on its way
-        valid = in_time and run.pilot.choose(act.action)
+        valid = in_time and not run.held and run.pilot.choose(act.action)
         said = {"action": act.action[:40], "at": act.at, "shown": act.t, "valid": valid}
         run.event("act", **said, **client.link.fields())
         self.offer(room)

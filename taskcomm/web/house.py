@@ -1,7 +1,8 @@
 """A study on the server: its rooms, its operators' desks, who looks on, what is written where."""
 
 import asyncio
-import time
+import itertools
+import logging
 from typing import Self
 
 from taskcomm.web.archive import Archive
@@ -38,6 +39,9 @@ _ALLOWED: dict[str, tuple[type, ...]] = {
     "annotator": (Open, Label, Listing),
 }
 PING_EVERY, LOG_CLOCK_EVERY, STATUS_EVERY = 2.0, 10.0, 1.0
+SILENCE = 5.0  # seconds without a word, pongs neither, after which a teacher's page counts as away
+
+log = logging.getLogger("taskcomm")
 
 
 class House:
@@ -59,7 +63,7 @@ class House:
         self.annotators: dict[str, Client] = {}
         self.clients: set[Client] = set()
         self.archive = Archive(self.folder)
-        self._label_locks: dict[str, asyncio.Lock] = {}
+        self._labelling = asyncio.Lock()
 
     @classmethod
     def of(cls, folder: StudyFolder, *, processes: int = 1, lockstep: bool = False) -> Self:
@@ -103,6 +107,8 @@ class House:
 
     async def handle(self, client: Client, message: Message) -> None:
         """One message of a client that said hello; one that its role may not send drops it."""
+        if client.role == "teacher":
+            self.rooms[client.name].heard(client)
         if isinstance(message, Pong):
             if not client.link.pong(message):
                 client.drop(REFUSED, "no such ping")
@@ -158,9 +164,12 @@ class House:
                 await self._label(client, message)
         except ValueError as error:
             client.send(Problem(text=str(error)))
+        except OSError as error:
+            log.error("a label, or what was asked of the logs: %s", error)
+            client.send(Problem(text="the logs cannot be read or written now"))
 
     async def _label(self, client: Client, label: Label) -> None:
-        async with self._label_locks.setdefault(label.trial, asyncio.Lock()):
+        async with self._labelling:
             at = [room.page.trial for room in self.rooms.values()]
             if any(plan is not None and plan.trial_id == label.trial for plan in at):
                 raise ValueError("this trial is not over yet")
@@ -228,17 +237,24 @@ class House:
 
     async def beat(self) -> None:
         """Pings, clocks of clients into the logs, tables of the admins: as long as the server runs."""
-        logged = 0.0
-        while True:
+        for second in itertools.count():
+            try:
+                self._beat(second)
+            except Exception:  # the next one may go well; without any, nobody would be pinged
+                log.exception("the beat of the server")
+            await asyncio.sleep(STATUS_EVERY)
+
+    def _beat(self, number: int) -> None:
+        if number % round(PING_EVERY / STATUS_EVERY) == 0:
             for client in list(self.clients):
                 client.send(client.link.ping())
-            if time.monotonic() - logged >= LOG_CLOCK_EVERY:
-                logged = time.monotonic()
-                self._log_clocks()
-            for _ in range(round(PING_EVERY / STATUS_EVERY)):
-                if self.admins:
-                    self.to_admins(self.status())
-                await asyncio.sleep(STATUS_EVERY)
+        if number % round(LOG_CLOCK_EVERY / STATUS_EVERY) == 0:
+            self._log_clocks()
+        if not self.timing.lockstep:
+            for room in self.rooms.values():
+                room.listen(SILENCE)
+        if self.admins:
+            self.to_admins(self.status())
 
     def _log_clocks(self) -> None:
         """Round-trip time and offset of the clients of every trial that runs, beside its steps."""

@@ -122,7 +122,10 @@ _decoder = msgspec.json.Decoder(Message)
 
 def decode(text: str | bytes) -> Message:
     """A client's message; msgspec.DecodeError (a ValueError) for anything else."""
-    message: Message = _decoder.decode(text)
+    try:
+        message: Message = _decoder.decode(text)
+    except RecursionError:
+        raise msgspec.DecodeError("nested too deeply") from None
     return message
 
 

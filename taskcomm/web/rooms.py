@@ -27,7 +27,7 @@ from taskcomm.web.services import Services
 from taskcomm.web.study.answers import AnswerError, checked, rating_lines
 from taskcomm.web.study.assignment import Participant, TrialPlan
 from taskcomm.web.study.pages import PageSpec, declined, pages
-from taskcomm.web.trialfile import lines_of, writer_of
+from taskcomm.web.trialfile import is_over, lines_of, writer_of
 from taskcomm.web.trialrun import TrialRun, utc
 
 log = logging.getLogger("taskcomm")
@@ -102,7 +102,7 @@ class Room:
         if self.client is not None:
             self.client.send(Page(index=self.index, of=len(self.pages), kind="gone"))
             self.client.drop(REPLACED, "opened elsewhere")
-        self.client = client
+        self.client, self.trouble = client, ""
         self.show_page()
         if self.run is not None:
             self.run.teacher_back()
@@ -116,6 +116,16 @@ class Room:
             if self.run is not None:
                 self.run.teacher_away()
             self.around.refresh(self.participant.operator)
+
+    def heard(self, client: Client) -> None:
+        """That connection gave a sign of life."""
+        if self.client is client and self.run is not None:
+            self.run.teacher_back()
+
+    def listen(self, silence: float) -> None:
+        """A page that was silent for so many seconds is away, though nobody has closed its connection."""
+        if self.client is not None and self.run is not None and self.client.silent > silence:
+            self.run.teacher_away(silent_ms=round(1e3 * self.client.silent))
 
     def show_page(self) -> None:
         """Send the page that is due: while the robot is not ready, one that says to wait."""
@@ -156,21 +166,22 @@ class Room:
             if page.kind == "form" and page.trial is not None:
                 await self._rate(page, values)
             await self._done(page, values)
+            self.trouble = ""
             client.send(Acknowledged(what="answer", n=answer.index))
-        except OSError as error:
+        except (OSError, ValueError) as error:
             self._fail(error)
-            client.send(Problem(text=self.services.folder.texts.interface.get("problem_storage", "")))
         finally:
             self._busy = False
-        self.show_page()
-        self.begin_if_ready()
+        if not self.trouble:
+            self.show_page()
+            self.begin_if_ready()
 
     async def _rate(self, page: PageSpec, values: dict[str, Any]) -> None:
         assert page.trial is not None
         path = self.services.folder.log_of(page.trial)
         writer = self.writer or writer_of(self.services, page.trial)
-        rated = {line["item"] for line in lines_of(path, "rating")}
-        lines = [line for line in rating_lines(page, values) if line["item"] not in rated]
+        rated = {line["item"]: line["value"] for line in lines_of(path, "rating")}  # the last counts
+        lines = [line for line in rating_lines(page, values) if rated.get(line["item"], ...) != line["value"]]
         self.writer = None  # should the writing fail, it is read again
         if lines:
             await self.services.journal.append(path, b"".join(writer.rating(**line) for line in lines))
@@ -188,25 +199,35 @@ class Room:
 
     def begin_if_ready(self) -> None:
         """Start the trial that is due, or go on with one that a crash cut, if everyone is there."""
-        if self.page.kind != "trial" or self._task is not None or self.over or self.client is None:
+        if self.page.kind != "trial" or self._task is not None or self.trouble:
             return
-        if self.around.operator_ready(self):
+        if self._everyone_there():
             self._task = asyncio.create_task(self._trial(self.page))
+
+    def _everyone_there(self) -> bool:
+        """The operator is not needed for a trial whose end is on disk: a crash cut the session log alone."""
+        assert self.page.trial is not None
+        there = self.around.operator_ready(self) or is_over(self.services.folder.log_of(self.page.trial))
+        return self.client is not None and there
 
     async def _trial(self, page: PageSpec) -> None:
         plan = page.trial
         assert plan is not None
         path = self.services.folder.log_of(plan)
+        if not self._everyone_there():  # somebody left in the moment before
+            self._task = None
+            return
         try:
             self.writer = writer_of(self.services, plan)
-            ended = bool(lines_of(path, "trial_end"))
-            reason = "" if ended else await self._run(plan, path, self.writer)
+            ended = lines_of(path, "trial_end")
+            reason = ended[0]["reason"] if ended else await self._run(plan, path, self.writer)
             await self._done(page, {"trial_id": plan.trial_id, "reason": reason})
         except Exception as error:
             self._fail(error)
         self.run = self._task = None
         self.around.trial_over(self)
-        self.show_page()
+        if not self.trouble:
+            self.show_page()
 
     async def _run(self, plan: TrialPlan, path: Path, writer: TrialWriter) -> str:
         services = self.services
@@ -227,10 +248,18 @@ class Room:
         return await run.run()
 
     def _fail(self, error: Exception) -> None:
-        """Nothing goes on in this room until the server is started again; what was acknowledged is there."""
+        """Nothing goes on in this room until its page is loaded anew, or the answer given again.
+
+        What was acknowledged is there.
+        """
         self.trouble = f"{type(error).__name__}: {error}"
         log.error("%s: stopped: %s", self.participant.id, self.trouble)
         self.services.note("stopped", participant=self.participant.id, reason=self.trouble)
+        if self.page.kind == "trial":
+            self.run = None
+            self.show_page()
+        if self.client is not None:
+            self.client.send(Problem(text=self.services.folder.texts.interface.get("problem_storage", "")))
 
     # The audience of the trial
 

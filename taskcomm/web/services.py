@@ -1,14 +1,18 @@
 """What every part of a running study uses: its folder, clock rules, robots, journal and planner."""
 
 import asyncio
+import fcntl
 import logging
+import os
 import time
+from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from taskcomm.web.journal import Journal, torn_end
 from taskcomm.web.study.folder import StudyFolder
+from taskcomm.web.study.reading import StudyError
 from taskcomm.web.thinking import Minds, RobotPlan
 from taskcomm.web.trialrun import Timing, utc
 
@@ -18,11 +22,15 @@ log = logging.getLogger("taskcomm")
 class Services:
     """The study's folder, and what runs beside the event loop: the journal's thread, the planner's processes.
 
-    `lockstep` is for rehearsals (see TrialRun); `processes` is how many plan.
+    `lockstep` is for rehearsals (see TrialRun); `processes` is how many plan. Raises StudyError for lockstep
+    in a study of people, and for a folder that another server has open.
     """
 
     def __init__(self, folder: StudyFolder, processes: int = 1, lockstep: bool = False) -> None:
         self.folder, self.design = folder, folder.design
+        if lockstep and not self.design.simulated:
+            raise StudyError(f"{folder.path}: lockstep is for simulated studies: no clock would run")
+        self._held = _held(folder.path)
         self.world = self.design.ball_world
         asked = self.design.timing
         self.timing = Timing(
@@ -74,6 +82,20 @@ class Services:
         """Write what waits; end the planner's processes."""
         self.journal.close()
         self.minds.close()
+        os.close(self._held)
+
+
+def _held(folder: Path) -> int:
+    """An open folder that no other server may open meanwhile; a crash sets it free."""
+    at = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(at, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(at)
+        raise StudyError(f"{folder}: another server has this study open; end that one first") from None
+    except OSError as error:  # a file system without locks
+        log.warning("%s: cannot be kept from being served twice: %s", folder, error.strerror)
+    return at
 
 
 def _say_failure(done: "asyncio.Future[None]") -> None:

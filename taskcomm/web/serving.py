@@ -3,8 +3,10 @@
 import asyncio
 import gc
 import logging
+import resource
 import socket
 from collections.abc import Callable
+from contextlib import suppress
 
 import uvicorn
 
@@ -14,6 +16,8 @@ from taskcomm.web.protocol import LONGEST
 from taskcomm.web.study.folder import StudyFolder
 
 LOOPBACK = "127.0.0.1"
+EVERYWHERE = ("0.0.0.0", "::")
+FILES = 8192  # that may be open: every connection is one
 
 
 class AddressInUse(OSError):
@@ -35,15 +39,29 @@ def listening(host: str, port: int) -> socket.socket:
 
 def origins_of(host: str, port: int) -> frozenset[str]:
     """Where pages of a server bound to `host` come from: its own address, by every name it has here."""
-    loopback = {"127.0.0.1", "localhost", "[::1]"}
-    if host in ("0.0.0.0", "::"):
-        own = {info[4][0] for info in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)}
-        names = loopback | {str(address) for address in own} | {socket.gethostname()}
-    elif host in ("127.0.0.1", "localhost", "::1"):
-        names = loopback
+    loopback = {"127.0.0.1", "localhost", "::1"}
+    if host in EVERYWHERE:
+        names = loopback | _own_addresses() | {socket.gethostname().lower()}
     else:
-        names = {f"[{host}]" if ":" in host else host}
-    return frozenset(f"http://{name}:{port}" for name in names)
+        names = loopback if host in loopback else {host.lower()}
+    given = {f"http://{_bracketed(name)}" for name in names}
+    return frozenset({f"{name}:{port}" for name in given} | (given if port == 80 else set()))
+
+
+def _own_addresses() -> set[str]:
+    """Addresses of this machine: those of its name, and those from which it would speak to others."""
+    found = set[str]()
+    with suppress(OSError):
+        found |= {str(info[4][0]) for info in socket.getaddrinfo(socket.gethostname(), None)}
+    for family, elsewhere in ((socket.AF_INET, "192.0.2.1"), (socket.AF_INET6, "2001:db8::1")):
+        with suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as probe:
+            probe.connect((elsewhere, 9))  # sends nothing: it finds the way, and so the own address
+            found.add(str(probe.getsockname()[0]))
+    return {address for address in found if "%" not in address}
+
+
+def _bracketed(name: str) -> str:
+    return f"[{name}]" if ":" in name else name
 
 
 def serve(
@@ -67,13 +85,26 @@ def serve(
     """
     bound = bound or listening(host, port)
     host, port = bound.getsockname()[:2]
-    house = House.of(folder, processes=processes, lockstep=lockstep)
+    _allow_files(FILES)
     try:
-        name = f"[{host}]" if ":" in host else socket.gethostname() if host == "0.0.0.0" else host
+        house = House.of(folder, processes=processes, lockstep=lockstep)
+    except BaseException:
+        bound.close()
+        raise
+    try:
+        name = socket.gethostname() if host in EVERYWHERE else _bracketed(host)
         allowed = origins | origins_of(host, port)
         asyncio.run(_run(house, bound, f"http://{name}:{port}", allowed, ready, until))
     finally:
         house.close()
+
+
+def _allow_files(wanted: int) -> None:
+    """Raise this process's limit of open files, as far as it may: idle connections must not stop a log."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    allowed = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
+    if soft != resource.RLIM_INFINITY and soft < allowed:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (allowed, hard))
 
 
 async def _run(

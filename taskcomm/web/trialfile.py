@@ -57,6 +57,14 @@ def _head(services: Services, plan: TrialPlan) -> Trial:
     )
 
 
+def is_over(path: Path) -> bool:
+    """Whether the log of a trial has its end, on a whole line."""
+    if not path.exists():
+        return False
+    whole = path.read_bytes().rpartition(b"\n")[0]
+    return any(line.startswith(b'{"type":"trial_end"') for line in whole.split(b"\n"))
+
+
 def lines_of(path: Path, kind: str) -> list[dict[str, Any]]:
     """The lines of one type in the log of a trial, if there is one."""
     if not path.exists():

@@ -3,6 +3,7 @@
 import asyncio
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
@@ -17,6 +18,7 @@ from taskcomm.world import Action, BallState, BallWorld
 
 # Seconds: were the planner set to work at once, its frames would come later than an operator's, and tell.
 _FRAME_GOES_FIRST = 0.01
+_FIRST_THOUGHT = 1.0  # that a planner may take beyond the countdown: its process may have to start again
 Order = Literal["pause", "go_on", "abort"]
 
 
@@ -58,7 +60,9 @@ class TrialRun:
     At the tick of step t the action is applied and shown; presses until the next tick belong to the step; its
     line is written at the next tick. While the teacher is away the key is written as not recorded, unless it
     was pressed before; after `grace` the clock pauses until the teacher is back, after `away` the trial is
-    aborted. A trial that is given with steps goes on from the last of them, with a resume line.
+    aborted. A stall of the machine (a tick late by half a step) lengthens the step that it hit, with an event
+    `stall`; the clock moves by as much. A trial that is given with steps goes on from the last of them, with
+    a resume line.
     """
 
     def __init__(
@@ -86,6 +90,7 @@ class TrialRun:
         self._pressed = self._gap = False
         self._away_since: float | None = None
         self._paused = self._aborted = False
+        self.held = False  # whether what is chosen now comes to nothing: the next action has been chosen
         self._changed = asyncio.Event()
         self._done: set[str] = set()
         self._broken: BaseException | None = None
@@ -97,7 +102,9 @@ class TrialRun:
         looked = asyncio.create_task(self._first_look())
         await self._counted_down()
         await looked
-        await self.pilot.settled()
+        await self._first_thought()
+        if self._held_up():
+            await self._interval()
         choice, late = self._begin_clock(), 0.0
         while True:
             ended = self._ended(choice)
@@ -117,6 +124,10 @@ class TrialRun:
             await asyncio.sleep(_FRAME_GOES_FIRST)
         self.pilot.look(self.writer.steps, None, self.state)
         self._audience.opened()
+
+    async def _first_thought(self) -> None:
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self.pilot.settled(), None if self.timing.lockstep else _FIRST_THOUGHT)
 
     def _beginning(self) -> bytes:
         if self.writer.next_seq == 0:
@@ -152,7 +163,10 @@ class TrialRun:
     async def _step_over(self) -> float:
         """Wait for the next tick; by how many ms it is late."""
         if not self.timing.lockstep:
-            return await self.clock.until(self.t + 1)
+            late = await self.clock.until(self.t + 1)
+            if self.clock.stalled(late):
+                self.event("stall", ms=round(late, 3))
+            return late
         while not (self._waits_for <= self._done or self._aborted):
             await self._news()
             if self._away_since is not None and self._away_too_long():
@@ -166,7 +180,8 @@ class TrialRun:
     def _write_step(self, choice: Choice, pressed: bool | None, late: float) -> None:
         timing = None
         if not self.timing.lockstep:
-            onset = round(1e3 * self.timing.step * self.t + late, 3)
+            since_due = 0.0 if self.clock.stalled(late) else late
+            onset = round(1e3 * self.timing.step * self.t + since_due, 3)
             timing = {"onset": onset, "late_ms": round(late, 3)}
             timing |= {} if choice.plan_ms is None else {"plan_ms": round(choice.plan_ms, 3)}
         self.defaults += choice.source == "default"
@@ -183,16 +198,20 @@ class TrialRun:
         return (self._paused or (away and not self.timing.lockstep)) and not self._aborted
 
     async def _interval(self) -> None:
-        """The pause, until it is over or the trial is aborted; then the countdown."""
-        self.event("pause", cause="order" if self._paused else "away")
-        self.mode = "pause"
-        self._show()
-        while (self._paused or self._away_since is not None) and not self._aborted:
-            await self._news()
-            if self._away_since is not None and self._away_too_long():
-                self._aborted = True
+        """Pauses, until none is due any more or the trial is aborted; a countdown ends each."""
+        self.held = True
+        while self._held_up():
+            self.event("pause", cause="order" if self._paused else "away")
+            self.mode = "pause"
+            self._show()
+            while (self._paused or self._away_since is not None) and not self._aborted:
+                await self._news()
+                if self._away_since is not None and self._away_too_long():
+                    self._aborted = True
+            if not self._aborted:
+                await self._counted_down()
+        self.held = False
         if not self._aborted:
-            await self._counted_down()
             self.event("go_on")
             self.clock.start(self.t + 1)
             self.mode = "run"
@@ -237,8 +256,8 @@ class TrialRun:
 
     def event(self, kind: str, **fields: Any) -> "asyncio.Future[None]":
         """Write something raw beside the steps; the future is done when it is on disk."""
-        if not self.timing.lockstep and self.mode != "count":
-            fields = {"t": max(self.t, 0), "server_ms": round(self.clock.elapsed_ms, 3)} | fields
+        if not self.timing.lockstep and self.mode != "count" and self.t >= 0:
+            fields = {"t": self.t, "server_ms": round(self.clock.elapsed_ms, 3)} | fields
         return self._append(self.writer.event(kind, **fields))
 
     def _append(self, line: bytes) -> "asyncio.Future[None]":
@@ -261,11 +280,11 @@ class TrialRun:
         self._pressed = self._pressed or self.mode == "run"
         return self.event("press", **fields)
 
-    def teacher_away(self) -> None:
-        """The teacher's connection is lost."""
+    def teacher_away(self, **fields: Any) -> None:
+        """The teacher's connection is lost, or silent."""
         if self._away_since is None and self.mode != "over":
             self._away_since, self._gap = time.monotonic(), True
-            self.event("away")
+            self.event("away", **fields)
 
     def teacher_back(self) -> None:
         """The teacher's connection is there again."""
