@@ -101,7 +101,7 @@ def test_a_fit_takes_a_number_in_from_where_no_state_expects_it() -> None:
     rng = np.random.default_rng(0)
     trials = [
         with_pupil(trial, {t: float(rng.normal()) for t in range(trial.num_steps)})
-        for trial in operator_trials(6, TRUTH)
+        for trial in operator_trials(3, TRUTH)
     ]
     first = dict(enumerate(trials[0].signals("pupil")))
     odd = with_pupil(trials[0], {t: float(x or 0.0) for t, x in first.items()} | {5: 400.0})

@@ -38,7 +38,7 @@ def _objective() -> Objective:
     angle = NormalChannel(by, {state: dict.fromkeys(row, 0.8) for state, row in by.items()}, target="gaze")
     model = replace(base, observation=ObservationModel(channels={"gaze": start, "angle": angle}))
     settings = Settings(observe=ALL, bounds=SHORT)
-    return prepare([_angled(trial) for trial in watched(3)], WORLD, model, settings)
+    return prepare([_angled(trial) for trial in watched(2)], WORLD, model, settings)
 
 
 def test_rates_in_the_observation_model_are_those_of_the_objective() -> None:
@@ -66,9 +66,9 @@ def test_a_point_of_the_observation_model_is_that_model() -> None:
     np.testing.assert_allclose(joint.emissions.point(), here, atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_a_fit_of_a_key_that_misses_leaves_no_slope_in_either_part(seed: int) -> None:
-    trials = [replace(trial, steps=trial.steps[:40]) for trial in watched(12, miss=0.2, seed=seed)]
+def test_a_fit_of_a_key_that_misses_leaves_no_slope_in_either_part() -> None:
+    """EM and climbs in turns leave 0.05 nats of slope on these trials."""
+    trials = [replace(trial, steps=trial.steps[:40]) for trial in watched(12, miss=0.2)]
     result = fit(trials, WORLD, observe=["miss"], starts=2, bounds=SHORT, dropped_mass=1e-6)
     assert result.certificate.trusted, result.status
     settings = replace(result.settings, dropped_mass=1e-6)
