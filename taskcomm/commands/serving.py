@@ -1,4 +1,4 @@
-"""`taskcomm serve` and `taskcomm study serve`: parse and call. Loaded with the command line: nothing heavy."""
+"""`taskcomm serve` and `taskcomm study serve`: parse and call. Loaded with the command line, so light."""
 
 from pathlib import Path
 from typing import Annotated
