@@ -72,7 +72,7 @@ def one_trial(out: Path | None, stay: bool, json: bool, **asked: Any) -> int:
         [room] = house.rooms.values()
         return not stay and room.finished and room.client is None
 
-    _serve(opened, say, over, origin, bound=bound)
+    _serve(opened, say, over, origin, host=host, bound=bound)
     log = opened.log_of(plan)
     if log.exists():
         terminal.line(f"{log}: the trial; `taskcomm replay {log} --out replay.png` shows it")

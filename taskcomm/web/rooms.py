@@ -27,10 +27,18 @@ from taskcomm.web.services import Services
 from taskcomm.web.study.answers import AnswerError, checked, rating_lines
 from taskcomm.web.study.assignment import Participant, TrialPlan
 from taskcomm.web.study.pages import PageSpec, declined, pages
+from taskcomm.web.study.reading import StudyError
 from taskcomm.web.trialfile import is_over, lines_of, writer_of
 from taskcomm.web.trialrun import TrialRun, utc
 
 log = logging.getLogger("taskcomm")
+
+
+class _PageLine(msgspec.Struct):
+    """What must be known of a page that was done."""
+
+    page: int
+    values: dict[str, Any]
 
 
 class Surroundings(Protocol):
@@ -72,11 +80,14 @@ class Room:
         torn = torn_end(self.session)
         if torn:
             self.services.note("torn", file=self.session.name, bytes=len(torn))
-        for text in self.session.read_bytes().splitlines():
-            line = msgspec.json.decode(text)
+        for number, text in enumerate(self.session.read_bytes().splitlines(), 1):
+            try:
+                line = msgspec.json.decode(text, type=_PageLine)
+            except ValueError as error:
+                raise StudyError(f"{self.session}:{number}: is no line of a session: {error}") from None
             self._lines += 1
-            self.index = line["page"] + 1
-            self.over = self.over or line["values"].get("agreed") is False
+            self.index = line.page + 1
+            self.over = self.over or line.values.get("agreed") is False
 
     @property
     def page(self) -> PageSpec:

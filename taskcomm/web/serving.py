@@ -84,7 +84,7 @@ def serve(
     on disk when this returns.
     """
     bound = bound or listening(host, port)
-    host, port = bound.getsockname()[:2]
+    asked, (host, port) = host, bound.getsockname()[:2]
     _allow_files(FILES)
     try:
         house = House.of(folder, processes=processes, lockstep=lockstep)
@@ -93,7 +93,7 @@ def serve(
         raise
     try:
         name = socket.gethostname() if host in EVERYWHERE else _bracketed(host)
-        allowed = origins | origins_of(host, port)
+        allowed = origins | origins_of(host, port) | origins_of(asked, port)
         asyncio.run(_run(house, bound, f"http://{name}:{port}", allowed, ready, until))
     finally:
         house.close()

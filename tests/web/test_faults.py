@@ -233,6 +233,12 @@ def test_an_answer_to_a_ping_of_long_ago_is_let_pass_and_one_given_twice_is_not(
     assert closed(teacher) == (4003, "no such ping")
 
 
+def test_a_session_that_cannot_be_read_is_said_where_the_server_starts(folder: StudyFolder) -> None:
+    folder.session_of("P02").write_text('{"page":0,"name":"card-P02-1","values":{}}\n{"page":"x"}\n')
+    with pytest.raises(StudyError, match=r"P02\.jsonl:2: is no line of a session"):
+        House.of(folder)
+
+
 def test_a_study_is_served_by_one_server_at_a_time(study: Served) -> None:
     with pytest.raises(StudyError, match="another server has this study open"):
         House.of(StudyFolder(study.house.folder.path))

@@ -269,7 +269,13 @@ def test_a_stall_lengthens_one_step_and_makes_no_short_ones(tmp_path: Path) -> N
     def act(trial: TrialRun, frame: Frame) -> None:
         shown.append(time.monotonic())
         if frame.t == 5:
-            asyncio.get_running_loop().call_later(0.01, time.sleep, 0.3)
+            asyncio.get_running_loop().call_later(0.01, stall, trial)
+
+    def stall(trial: TrialRun) -> None:
+        """With a press in it, which is read some turns of the loop later."""
+        time.sleep(0.3)
+        soon = asyncio.get_running_loop().call_soon
+        soon(soon, soon, soon, soon, trial.press)
 
     run, _ = played(tmp_path / "a", OperatorPilot(WORLD), QUICK, act)
     [trial] = read_trials(tmp_path / "a")
@@ -277,6 +283,7 @@ def test_a_stall_lengthens_one_step_and_makes_no_short_ones(tmp_path: Path) -> N
     late = [step.timing["late_ms"] for step in trial.steps if step.timing]
     onsets = [step.timing["onset"] for step in trial.steps if step.timing]
     assert late[6] >= 250
+    assert np.flatnonzero(trial.presses).tolist() == [5]
     assert np.diff(onsets).min() > 0
     stalls = [event for event in trial.events if event["kind"] == "stall"]
     assert {"kind": "stall", "t": 5, "ms": late[6]}.items() <= stalls[0].items()
