@@ -144,35 +144,6 @@ def _likeliest(
 
 
 @_kernel
-def _enter(
-    lattice: Any, courses: Any, layer: int, mistake: float, peak: Any, share: Any, waiting: Any, quiet: Any,
-    entered: Any,
-) -> float:  # fmt: skip
-    """Write the weights with which the memories of the next layer begin, and give their sum."""
-    press, total = lattice.layer_press[layer], 0.0
-    begin, end = lattice.layer_memories[layer], lattice.layer_memories[layer + 1]
-    silent = lattice.event[layer, 0]
-    for s in range(end, lattice.layer_memories[layer + 2]):
-        entered[s] = 0.0
-    for s in range(begin, end):
-        cell, leaving = courses.memory_cell[s] + press, entered[s] * quiet[s]
-        for reset in range(len(peak) + 1):
-            after = lattice.memory_next[s, reset]
-            if after < 0:
-                continue
-            if reset > 0:
-                p = peak[reset - 1] * share[courses.cell_level[cell, reset - 1]]
-                p *= lattice.event[layer, 1 + reset]
-            else:
-                p = lattice.event[layer, 1] * mistake
-                if silent > 0.0:
-                    p += silent * waiting[cell]
-            entered[after] += leaving * p
-            total += leaving * p
-    return total
-
-
-@_kernel
 def forward(
     lattice: Any, courses: Any, first: int, last: int, mistake: float, peak: Any, share: Any, waiting: Any,
     before: Any, scale: Any, quiet: Any, entered: Any, total: Any, log_likelihood: Any,
@@ -181,11 +152,17 @@ def forward(
 
     `quiet[s]` is the probability of the steps before the event in memory s, over a number common to its
     layer; `entered[s]` is the weight of memory s when its layer begins; `total[l]` is what the weights of
-    layer l summed to when its event came, before they were made to sum to 1.
+    layer l summed to when its event came, before they were made to sum to 1. An event all but impossible is
+    taken once more, over the likeliest of the states that are possible.
     """
+    states = len(peak)
     for u in range(first, last):
         answer, mass = lattice.unit_constant[u], 1.0
-        entered[lattice.layer_memories[lattice.unit_layers[u]]] = 1.0
+        begin = lattice.layer_memories[lattice.unit_layers[u]]
+        end = lattice.layer_memories[lattice.unit_layers[u + 1]]
+        for s in range(begin, end):
+            entered[s] = 0.0
+        entered[begin] = 1.0
         for layer in range(lattice.unit_layers[u], lattice.unit_layers[u + 1]):
             begin, end = lattice.layer_memories[layer], lattice.layer_memories[layer + 1]
             start, press = lattice.layer_first[layer], lattice.layer_press[layer]
@@ -205,30 +182,43 @@ def forward(
             if not FAR < mass < 1 / FAR:
                 answer += math.log(mass)
                 mass = 1.0
-            final = layer + 1 == lattice.unit_layers[u + 1]
-            weight = 0.0
-            for s in range(begin, end):
-                cell = courses.memory_cell[s]
-                p, lost = quiet[s] / top, scale[cell + press] - scale[cell + start]
-                if lost != best:
-                    p *= math.exp(min(lost - best, 600.0))
-                quiet[s] = p
-                if final:
-                    weight += entered[s] * p
-            if not final:
-                if lattice.event_scale[layer] != 0.0:
-                    _rescale(lattice, layer, 0.0)
-                weight = _enter(lattice, courses, layer, mistake, peak, share, waiting, quiet, entered)
-                if not weight > FAINT:
-                    likeliest = _likeliest(
-                        lattice, courses, layer, mistake, peak, share, waiting, quiet, entered
-                    )
-                    if likeliest > -math.inf:
-                        _rescale(lattice, layer, likeliest)
-                        weight = _enter(
-                            lattice, courses, layer, mistake, peak, share, waiting, quiet, entered
-                        )
-                answer += lattice.event_scale[layer]
+            final, weight = layer + 1 == lattice.unit_layers[u + 1], 0.0
+            if lattice.event_scale[layer] != 0.0:
+                _rescale(lattice, layer, 0.0)
+            for attempt in range(2):
+                silent, weight = lattice.event[layer, 0], 0.0
+                for s in range(begin, end):
+                    cell = courses.memory_cell[s]
+                    if attempt == 0:
+                        p, lost = quiet[s] / top, scale[cell + press] - scale[cell + start]
+                        if lost != best:
+                            p *= math.exp(min(lost - best, 600.0))
+                        quiet[s] = p
+                    leaving = entered[s] * quiet[s]
+                    if final:
+                        weight += leaving
+                        continue
+                    for reset in range(states + 1):
+                        after = lattice.memory_next[s, reset]
+                        if after < 0:
+                            continue
+                        if reset > 0:
+                            p = peak[reset - 1] * share[courses.cell_level[cell + press, reset - 1]]
+                            p *= lattice.event[layer, 1 + reset]
+                        else:
+                            p = lattice.event[layer, 1] * mistake
+                            if silent > 0.0:
+                                p += silent * waiting[cell + press]
+                        entered[after] += leaving * p
+                        weight += leaving * p
+                if attempt == 1 or final or weight > FAINT:
+                    break
+                likeliest = _likeliest(lattice, courses, layer, mistake, peak, share, waiting, quiet, entered)
+                if likeliest == -math.inf:
+                    break
+                _rescale(lattice, layer, likeliest)
+                entered[end : lattice.layer_memories[layer + 2]] = 0.0
+            answer += lattice.event_scale[layer]
             total[layer] = weight
             if not weight > 0.0:
                 answer = -math.inf
