@@ -131,8 +131,9 @@ _thinkers: list[Thinker] = []
 
 
 def _begin(robots: tuple[RobotPlan, ...]) -> None:
-    """In a new process: its thinkers."""
+    """In a new process: its thinkers; they give way to the server, whose clock waits for nobody."""
     end_with_parent()
+    os.nice(10)
     _thinkers[:] = [Thinker(plan) for plan in robots]
 
 

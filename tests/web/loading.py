@@ -20,7 +20,8 @@ TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
 @dataclass(frozen=True)
 class Load:
     """What was measured: lateness in ms of every tick, by the server's logs and by what bots saw; the steps
-    of each trial; memory in MB of server and planners, once a second; processor seconds of each; seconds.
+    of each trial and why it ended; memory in MB of server and planners, once a second; processor seconds of
+    each; seconds.
     """
 
     late_ms: list[float]
@@ -28,6 +29,7 @@ class Load:
     missed: int
     defaults: int
     steps: list[int]
+    reasons: list[str]
     memory: list[float]
     server_cpu: float
     planner_cpu: float
@@ -78,6 +80,7 @@ def loaded(
         missed=sum(line["missed"] for line in summaries),
         defaults=sum(line["default_actions"] for line in summaries),
         steps=[len(log) for log in steps],
+        reasons=[line["reason"] for log in written for line in log if line["type"] == "trial_end"],
         memory=memory,
         server_cpu=cpu[0],
         planner_cpu=cpu[1],

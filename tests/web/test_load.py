@@ -9,7 +9,10 @@ from web.loading import Load, loaded
 
 def check(load: Load, trials: int, steps: int) -> None:
     print(load)
-    assert load.steps == [steps] * trials
+    assert len(load.reasons) == trials
+    whole = [number for number, reason in zip(load.steps, load.reasons, strict=True) if reason == "timeout"]
+    assert whole == [steps] * len(whole)
+    assert len(whole) >= 0.9 * trials  # a few may end in Final, by chance
     assert load.missed == 0
 
 
