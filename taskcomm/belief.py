@@ -141,6 +141,16 @@ class Belief:
         joint[:, WAITING] = self.marginal() - joint[:, 1:].sum(axis=1)
         return np.asarray(joint * self.observer.weights(pressed, signals))
 
+    def reasons(self, state: Hashable, pressed: bool | None = None, signals: Signals | None = None) -> Floats:
+        """P(M_t | observation) of the coming step, if the world is in `state` then, (2 + M,).
+
+        Columns as `model.mental_states`. Raises ImpossibleObservation as `update` does.
+        """
+        reasons = (self.mental_joint(state) * self._told(state, pressed, signals)).sum(axis=0)
+        if not reasons.sum() > 0:
+            raise self._impossible(state, pressed, signals)
+        return np.asarray(reasons / reasons.sum())
+
     def update(self, state: Hashable, pressed: bool | None, signals: Signals | None = None) -> Self:
         """The belief after a step that ended in `state`, with or without a press (None: not recorded).
 

@@ -215,8 +215,8 @@ def _reasons_of_a_press(
     belief: Belief, state: Hashable, step: Step, states: tuple[str, ...]
 ) -> dict[str, float]:
     """P(mental state | a press and the signals of the coming step, all before it)."""
-    reasons = belief.mental_joint(state, True, step.signals).sum(axis=0)
-    shares = dict(zip(belief.model.mental_states, (reasons / reasons.sum()).tolist(), strict=True))
+    reasons = belief.reasons(state, True, step.signals).tolist()
+    shares = dict(zip(belief.model.mental_states, reasons, strict=True))
     return {state: shares[state] for state in states}
 
 

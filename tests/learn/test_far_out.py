@@ -17,6 +17,7 @@ from learn.information import curvature
 from learn.settings import Settings
 from taskcomm.belief import Belief
 from taskcomm.channels import NormalChannel, ObservationModel
+from taskcomm.replay import press_reasons
 from taskcomm.smoother import smooth
 from taskcomm.teacher import TeacherModel
 from taskcomm.trials import Trial
@@ -122,3 +123,12 @@ def test_the_belief_goes_on_too() -> None:
     for state, step in zip(shown.states, shown.steps, strict=True):
         belief = belief.update(state, step.pressed, step.signals)
     assert belief.marginal()[0] == 1
+
+
+def test_a_replay_gives_the_reasons_of_a_press_however_far_out_its_number() -> None:
+    unlit = by_hand(["noa"] * 4, [3])
+    for value in (12.0, 60.0):
+        (press,) = press_reasons(with_pupil(unlit, {3: value}), showing(NARROW))
+        assert press.at_once["mistake"] == press.at_end["mistake"] == 1
+    (press,) = press_reasons(with_pupil(ONE_PRESS, {3: 0.1}), showing(NARROW))
+    assert press.at_once == pytest.approx(press.at_end, abs=1e-12)  # nothing comes after it
