@@ -2,6 +2,7 @@
 
 import logging
 import os
+import resource
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -9,13 +10,13 @@ from pathlib import Path
 import msgspec
 import pytest
 from web.houses import Served, receive, send, served
-from web.test_server import QUICK, begun, closed
+from web.test_server import QUICK, begun, chosen, closed
 from websockets.sync.client import ClientConnection
 
 from taskcomm.logs import read_trials, validate
 from taskcomm.web import house as house_module
 from taskcomm.web.house import House
-from taskcomm.web.serving import origins_of
+from taskcomm.web.serving import _allow_files, origins_of
 from taskcomm.web.study.folder import StudyFolder
 from taskcomm.web.study.reading import StudyError
 from taskcomm.web.study.structure import Operators
@@ -204,6 +205,106 @@ def test_who_leaves_in_the_moment_before_a_trial_does_not_miss_it(study: Served)
     assert not (study.house.folder.trials_dir / "P01-1.jsonl").exists()
     send(operator, type="ready")
     assert until_page(again, "trial")
+
+
+def test_an_operator_goes_from_one_teacher_to_the_next_and_is_ready_anew_for_each(study: Served) -> None:
+    first, operator = begun(study, "P01")
+    second = study.hello("teacher", "P02")
+    send(second, type="answer", index=0, values={})
+    assert until_page(second, "wait")
+    send(operator, type="ready")  # said while P01's trial runs: it is not for P02's
+    assert until_page(first, "form")
+    seats = [receive(operator, "seat")]
+    while (seats[-1]["participant"], seats[-1]["state"]) != ("P02", "ask"):
+        seats.append(receive(operator, "seat"))
+    assert {seat["participant"] for seat in seats[:-1]} == {"P01"}
+    assert study.house.rooms["P02"].run is None
+    send(operator, type="ready")
+    assert until_page(second, "trial")
+
+
+def test_an_operator_who_comes_back_controls_the_trial_that_runs(study: Served) -> None:
+    _, operator = begun(study)
+    receive(operator, "choices")
+    operator.close()
+    again = study.hello("operator", "O1")
+    chosen(again, "light_on(2)")
+    while receive(again, "frame")["state"] != "over":
+        pass
+    [trial] = read_trials(study.house.folder.trials_dir)
+    kinds = [event["kind"] for event in trial.events]
+    assert kinds.index("operator_away") < kinds.index("operator_back") < kinds.index("act")
+    assert "light_on(2)" in {str(step.action) for step in trial.steps if step.action_source == "operator"}
+
+
+def test_what_an_operator_said_before_a_reload_does_not_begin_a_trial(study: Served) -> None:
+    teacher, operator = study.hello("teacher", "P01"), study.hello("operator", "O1")
+    send(operator, type="ready")
+    while receive(operator, "seat")["state"] != "wait":
+        pass
+    operator.close()
+    again = study.hello("operator", "O1")
+    assert receive(again, "seat")["state"] == "ask"
+    send(teacher, type="answer", index=0, values={})
+    assert until_page(teacher, "wait")
+    assert study.house.rooms["P01"].run is None
+    send(again, type="ready")
+    assert until_page(teacher, "trial")
+
+
+@pytest.mark.parametrize("when", ["count", "pause", "away"])
+def test_an_abort_is_obeyed_before_the_first_step_in_a_pause_and_with_nobody_there(
+    tmp_path: Path, when: str
+) -> None:
+    counted = msgspec.structs.replace(QUICK.timing, countdown=1 if when == "count" else 0, away=60)
+    folder = StudyFolder.new(tmp_path / "study", msgspec.structs.replace(TWO, timing=counted))
+    with served(folder) as study:
+        teacher, _ = begun(study)
+        admin = study.hello("admin")
+        send(admin, type="watch", participant="P01")
+        if when == "pause":
+            send(admin, type="order", participant="P01", what="pause")
+        if when == "away":
+            teacher.close()
+        while receive(admin, "frame")["state"] != when.replace("away", "pause"):
+            pass
+        send(admin, type="order", participant="P01", what="abort")
+        while receive(admin, "frame")["state"] != "over":
+            pass
+        teacher = teacher if when != "away" else study.hello("teacher", "P01")
+        assert until_page(teacher, "form")
+    [trial] = read_trials(folder.trials_dir)
+    assert trial.reason == "aborted"
+    assert (trial.num_steps == 0) == (when == "count")
+    assert validate(folder.trials_dir).ok
+
+
+def test_an_error_in_a_beat_of_the_server_is_logged_and_the_next_one_comes(
+    study: Served, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def wrong(self: House) -> None:
+        raise RuntimeError("this should not be")
+
+    for every in ("STATUS_EVERY", "PING_EVERY", "LOG_CLOCK_EVERY"):
+        monkeypatch.setattr(house_module, every, 0.1)
+    monkeypatch.setattr(House, "_log_clocks", wrong)
+    teacher = study.hello("teacher", "P01")
+    pings = 0
+    while pings < 3:
+        pings += b'"ping"' in str(teacher.recv(timeout=5)).encode()
+    assert "the beat of the server" in caplog.messages
+
+
+def test_idle_connections_leave_files_for_the_logs() -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (512, hard))
+        _allow_files(700)
+        assert resource.getrlimit(resource.RLIMIT_NOFILE)[0] == 700
+        _allow_files(600)
+        assert resource.getrlimit(resource.RLIMIT_NOFILE)[0] == 700
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 
 
 def test_a_message_nested_without_end_is_refused_like_any_other(

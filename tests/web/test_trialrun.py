@@ -274,8 +274,13 @@ def test_a_stall_lengthens_one_step_and_makes_no_short_ones(tmp_path: Path) -> N
     def stall(trial: TrialRun) -> None:
         """With a press in it, which is read some turns of the loop later."""
         time.sleep(0.3)
-        soon = asyncio.get_running_loop().call_soon
-        soon(soon, soon, soon, soon, trial.press)
+        press_after(4, trial)
+
+    def press_after(turns: int, trial: TrialRun) -> None:
+        if turns:
+            asyncio.get_running_loop().call_soon(press_after, turns - 1, trial)
+        else:
+            trial.press(n=1)
 
     run, _ = played(tmp_path / "a", OperatorPilot(WORLD), QUICK, act)
     [trial] = read_trials(tmp_path / "a")
