@@ -4,9 +4,11 @@ import asyncio
 import gc
 import logging
 import resource
+import signal
 import socket
-from collections.abc import Callable
-from contextlib import suppress
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 
 import uvicorn
 
@@ -94,9 +96,23 @@ def serve(
     try:
         name = socket.gethostname() if host in EVERYWHERE else _bracketed(host)
         allowed = origins | origins_of(host, port) | origins_of(asked, port)
-        asyncio.run(_run(house, bound, f"http://{name}:{port}", allowed, ready, until))
+        with _terminated_as_interrupted():
+            asyncio.run(_run(house, bound, f"http://{name}:{port}", allowed, ready, until))
     finally:
         house.close()
+
+
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """SIGTERM ends this as Ctrl-C does: what waits is written first."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _allow_files(wanted: int) -> None:

@@ -13,13 +13,15 @@ from taskcomm.trials import Trial
 from taskcomm.web.journal import torn_end
 from taskcomm.web.services import Services
 from taskcomm.web.study.assignment import TrialPlan
+from taskcomm.web.study.reading import StudyError
 from taskcomm.web.trialrun import utc
 
 
 def writer_of(services: Services, plan: TrialPlan) -> TrialWriter:
     """Of a new trial, or of one that is on disk, without what a crash tore.
 
-    Raises LogError for a log that cannot be read.
+    Raises LogError for a log that cannot be read, and StudyError for a trial that the study would now go
+    on with in another way than it began.
     """
     path = services.folder.log_of(plan)
     if path.exists():
@@ -30,9 +32,22 @@ def writer_of(services: Services, plan: TrialPlan) -> TrialWriter:
         if content:
             reader = LogReader(services.world)
             reader.read_bytes(path.name, content)
-            broken_off = replace(reader.trials()[0], reason=None, displayed=None)
-            return TrialWriter(broken_off, content.count(b"\n"))
+            [found] = reader.trials()
+            if found.reason is None:
+                _check_unchanged(path, found, _head(services, plan))
+            return TrialWriter(replace(found, reason=None, displayed=None), content.count(b"\n"))
     return TrialWriter(_head(services, plan))
+
+
+def _check_unchanged(path: Path, began: Trial, now: Trial) -> None:
+    """What the first line says holds for all that follow."""
+    for name in ("participant_id", "operator_id", "condition", "task", "dt", "robot_model", "planner"):
+        then, today = getattr(began, name), getattr(now, name)
+        if then != today:
+            raise StudyError(
+                f"{path}: was broken off with {name} {then!r}, which is {today!r} now; put the study back as"
+                " it was to go on with this trial"
+            )
 
 
 def _head(services: Services, plan: TrialPlan) -> Trial:

@@ -3,6 +3,9 @@
 import logging
 import os
 import resource
+import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -338,6 +341,37 @@ def test_a_session_that_cannot_be_read_is_said_where_the_server_starts(folder: S
     folder.session_of("P02").write_text('{"page":0,"name":"card-P02-1","values":{}}\n{"page":"x"}\n')
     with pytest.raises(StudyError, match=r"P02\.jsonl:2: is no line of a session"):
         House.of(folder)
+
+
+def test_a_trial_does_not_go_on_under_another_clock_than_it_began(folder: StudyFolder) -> None:
+    with served(folder) as study:
+        teacher, _ = begun(study)
+        receive(teacher, "frame")
+    path = folder.trials_dir / "P01-1.jsonl"
+    before = path.read_bytes()
+    design = folder.path / "study.toml"
+    design.write_text(design.read_text().replace("step = 0.05", "step = 0.1"))
+    with served(StudyFolder(folder.path)) as study:
+        teacher, operator = study.hello("teacher", "P01"), study.hello("operator", "O1")
+        assert until_page(teacher, "wait")
+        send(operator, type="ready")
+        assert receive(teacher, "problem")["text"]
+        assert "dt 0.05, which is 0.1 now" in study.house.rooms["P01"].trouble
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_server_that_is_told_to_end_writes_what_waits(folder: StudyFolder, number: signal.Signals) -> None:
+    command = [sys.executable, "-m", "taskcomm.cli", "study", "serve", str(folder.path), "--port", "0"]
+    environment = os.environ | {"PYTHONUNBUFFERED": "1"}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, text=True, env=environment, **pipes) as process:  # type: ignore[call-overload]
+        assert "admin" in next(line for line in process.stdout if "admin" in line)
+        process.send_signal(number)
+        _, errors = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert "Traceback" not in errors
+    assert b'"kind":"stop"' in folder.server_log.read_bytes()
 
 
 def test_a_study_is_served_by_one_server_at_a_time(study: Served) -> None:
