@@ -3,6 +3,7 @@
 import asyncio
 import itertools
 import logging
+import time
 from typing import Self
 
 from taskcomm.web.archive import Archive
@@ -237,20 +238,24 @@ class House:
 
     async def beat(self) -> None:
         """Pings, clocks of clients into the logs, tables of the admins: as long as the server runs."""
-        for second in itertools.count():
+        stalled = False
+        for number in itertools.count():
             try:
-                self._beat(second)
+                self._beat(number, stalled)
             except Exception:  # the next one may go well; without any, nobody would be pinged
                 log.exception("the beat of the server")
+            began = time.monotonic()
             await asyncio.sleep(STATUS_EVERY)
+            stalled = time.monotonic() - began > 2 * STATUS_EVERY
 
-    def _beat(self, number: int) -> None:
+    def _beat(self, number: int, stalled: bool) -> None:
+        """`stalled`: this server was silent itself, and has yet to read what came meanwhile."""
         if number % round(PING_EVERY / STATUS_EVERY) == 0:
             for client in list(self.clients):
                 client.send(client.link.ping())
         if number % round(LOG_CLOCK_EVERY / STATUS_EVERY) == 0:
             self._log_clocks()
-        if not self.timing.lockstep:
+        if not (self.timing.lockstep or stalled):
             for room in self.rooms.values():
                 room.listen(SILENCE)
         if self.admins:

@@ -225,10 +225,10 @@ class Room:
         plan = page.trial
         assert plan is not None
         path = self.services.folder.log_of(plan)
-        if not self._everyone_there():  # somebody left in the moment before
-            self._task = None
-            return
         try:
+            if not self._everyone_there():  # somebody left in the moment before
+                self._task = None
+                return
             self.writer = writer_of(self.services, plan)
             ended = lines_of(path, "trial_end")
             reason = ended[0]["reason"] if ended else await self._run(plan, path, self.writer)
