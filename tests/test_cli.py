@@ -17,9 +17,8 @@ from taskcomm.commands.output import result_directory
 from taskcomm.logs import read_trials
 from taskcomm.teacher import TeacherModel
 
-COMMANDS = (
-    "simulate", "fit", "population", "structure", "compare", "replay", "figures", "validate", "demo", "recover"
-)  # fmt: skip
+COMMANDS = ("simulate", "fit", "population", "structure", "compare", "replay", "figures")
+COMMANDS += ("validate", "demo", "recover", "serve")
 DONE, FAILED, USAGE, BAD_DATA, NOT_CONVERGED = range(5)
 
 
