@@ -1,7 +1,7 @@
 """Who controls the robot in a trial of the browser: the planner, or an operator with a mouse."""
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
@@ -42,28 +42,39 @@ class Pilot(Protocol):
 class PlannerPilot:
     """The robot's planner, which thinks during each step for everything that may be observed in it.
 
-    What is not thought by the end of the step is not waited for: the choice is then `noa`, `default`.
-    `failed` keeps what went wrong in thinking, for the log.
+    Pressed is what happens seldom: it is thought about when the thought for no press is there, so that a
+    machine with too much to do gives every trial the likelier of the two in time. What is not thought by the
+    end of the step is not waited for: the choice is then `noa`, `default`. `failed` keeps what went wrong in
+    thinking, for the log.
     """
 
     def __init__(self, minds: Minds, robot: RobotPlan) -> None:
         self._minds, self._robot = minds, robot
         self._mind = minds.mind()
         self._thoughts: dict[bool | None, Future[Thought]] = {}
+        self._rest: dict[bool | None, History] = {}
         self.failed: str | None = None
 
     def look(self, steps: Sequence[Step], action: Action | None, state: BallState) -> None:
-        """Have it thought about what comes after this step, first without a press, then with one."""
+        """Have it thought about what comes after this step."""
         for late in self._thoughts.values():
             late.cancel()
         past: History = tuple((str(step.action), step.pressed) for step in steps)
         if action is None:  # before the first step, or after a crash: all that was observed is known
-            self._thoughts = dict.fromkeys((False, True, None), self._asked(past))
-        else:
-            unseen = (None,) if steps and steps[-1].pressed is None else ()
-            self._thoughts = {
-                pressed: self._asked((*past, (str(action), pressed))) for pressed in (False, True, *unseen)
-            }
+            self._thoughts, self._rest = dict.fromkeys((False, True, None), self._asked(past)), {}
+            return
+        unseen = (None,) if steps and steps[-1].pressed is None else ()
+        rest = {pressed: (*past, (str(action), pressed)) for pressed in (True, *unseen)}
+        first = self._asked((*past, (str(action), False)))
+        self._thoughts, self._rest = {False: first}, rest
+        _then(first, lambda: self._ask_rest(rest))
+
+    def _ask_rest(self, rest: dict[bool | None, History]) -> None:
+        """The questions of a step, unless the next step has others."""
+        if rest is self._rest:
+            self._rest = {}
+            with suppress(RuntimeError):  # the server is closing
+                self._thoughts |= {pressed: self._asked(history) for pressed, history in rest.items()}
 
     def _asked(self, history: History) -> "Future[Thought]":
         return self._minds.think(self._mind, self._robot, history)
@@ -82,6 +93,9 @@ class PlannerPilot:
 
     async def settled(self) -> None:
         """Until everything is thought."""
+        while self._rest:
+            await _done(self._thoughts[False])
+            self._ask_rest(self._rest)
         for future in {*self._thoughts.values()}:
             await _done(future)
 
@@ -132,11 +146,17 @@ class OperatorPilot:
 
 async def _done(future: "Future[Thought]") -> None:
     """Until `future` is done, with whatever result."""
-    loop, done = asyncio.get_running_loop(), asyncio.Event()
+    done = asyncio.Event()
+    _then(future, done.set)
+    await done.wait()
+
+
+def _then(future: "Future[Thought]", call: Callable[[], object]) -> None:
+    """When `future` is done, with whatever result, `call` on the event loop."""
+    loop = asyncio.get_running_loop()
 
     def tell(_: object) -> None:
         with suppress(RuntimeError):  # the loop is closed
-            loop.call_soon_threadsafe(done.set)
+            loop.call_soon_threadsafe(call)
 
     future.add_done_callback(tell)
-    await done.wait()
