@@ -66,7 +66,7 @@ PARTS = (
     Part(
         "thousand",
         ("prompt",),
-        Plan(sizes=(1000,), sources=("operator",), repeats=1, pool=1000, options=OPTIONS),
+        Plan(sizes=(1000,), sources=("operator",), repeats=1, pool=1000, intervals=True, options=OPTIONS),
         robot_trials=0,
     ),
     Part(
@@ -94,16 +94,39 @@ def write_tables(found: Sequence[Recovery], parts: Sequence[Part], out: Path) ->
         "made_by": "python -m learn.recovery_study",
         "simulated": True,
         "versions": _versions(),
-        "parts": [
-            {
-                "truths": {name: TRUTHS[name].sha256 for name in part.truths},
-                "plan": asdict(part.plan),
-                "robots": asdict(part.robots),
-            }
-            for part in parts
-        ],
+        "parts": [_made(part) for part in parts],
     }
     (out / "recovery.json").write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
+
+
+def _made(part: Part) -> dict[str, Any]:
+    return {
+        "truths": {name: TRUTHS[name].sha256 for name in part.truths},
+        "plan": asdict(part.plan),
+        "robots": asdict(part.robots),
+    }
+
+
+def write_one(found: Recovery, number: int, out: Path) -> None:
+    """The kept tables with the rows of one of PARTS made anew; `versions` of that part are its own.
+
+    Replaced are rows of its truths and, where they have them, its sources and sizes.
+    """
+    part, made = PARTS[number], json.loads((out / "recovery.json").read_text(encoding="utf-8"))
+    for table, rows in read_tables(out).items():
+        new = [_short(row) for row in getattr(found, table)]
+        if not new or (table == "crossings" and len(part.plan.sizes) == 1):
+            continue
+        cells = {_cell(row) for row in new}
+        first = next((n for n, row in enumerate(rows) if _cell(row) in cells), len(rows))
+        kept = [row for row in rows[first:] if _cell(row) not in cells]
+        (out / f"recovery-{table}.csv").write_text(csv_text([*rows[:first], *new, *kept]), encoding="utf-8")
+    made["parts"][number] = _made(part) | {"versions": _versions()}
+    (out / "recovery.json").write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
+
+
+def _cell(row: dict[str, Any]) -> tuple[Any, ...]:
+    return row["truth"], row.get("source"), row.get("size")
 
 
 def read_tables(folder: Path) -> dict[str, list[dict[str, Any]]]:
@@ -144,8 +167,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--out", type=Path, default=Path("notebooks") / "results", help="folder of the tables"
     )
     parser.add_argument("--jobs", type=int, default=1)
+    names = [part.name for part in PARTS]
+    parser.add_argument("--only", choices=names, help="run one part, and replace its rows in the tables")
     chosen = parser.parse_args(arguments)
     try:
+        if chosen.only:
+            number = names.index(chosen.only)
+            one = PARTS[number].run(chosen.rows, chosen.jobs)
+            print(report(one))
+            write_one(one, number, chosen.out)
+            return 0
         found = [part.run(chosen.rows, chosen.jobs) for part in PARTS]
         for part, one in zip(PARTS, found, strict=True):
             write_recovery(one, chosen.rows / part.name)

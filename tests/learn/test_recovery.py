@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from tinyworld import menu
 
-from learn import fit, log_likelihoods, run_closed_loop
+from learn import fit, log_likelihoods, recovery_study, run_closed_loop
 from learn.bootstrap import ratio_interval
 from learn.certainty import uncertainty
 from learn.kept_rows import KeptRows
@@ -377,6 +377,27 @@ def test_kept_tables_are_read_as_they_were_written(found: Recovery, tmp_path: Pa
     made = json.loads((tmp_path / "recovery.json").read_text(encoding="utf-8"))
     assert made["simulated"] is True
     assert made["parts"][0]["plan"]["seed"] == PLAN.seed
+
+
+def test_one_part_made_anew_replaces_its_own_rows_alone(
+    found: Recovery, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parts = [Part("all", ("prompt",), PLAN, 5), Part("six", ("prompt",), replace(PLAN, sizes=(6,)), 0)]
+    monkeypatch.setattr(recovery_study, "PARTS", parts)
+    write_tables([found], parts[:1], tmp_path)
+    made = json.loads((tmp_path / "recovery.json").read_text(encoding="utf-8"))
+    (tmp_path / "recovery.json").write_text(json.dumps(made | {"parts": made["parts"] * 2}), encoding="utf-8")
+    before = {table: (tmp_path / f"recovery-{table}.csv").read_text().splitlines() for table in TABLES}
+    six = [row for row in found.curve if row["size"] == 6 and row["source"] == "operator"]
+    anew = replace(found, curve=[row | {"studies": 77} for row in six], parameters=[], robots=[])
+    recovery_study.write_one(anew, 1, tmp_path)
+    for table in TABLES:
+        after = (tmp_path / f"recovery-{table}.csv").read_text().splitlines()
+        changed = [new for old, new in zip(before[table], after, strict=True) if old != new]
+        assert len(changed) == (table == "curve")
+        assert all(line.startswith("prompt,operator,6,77,") for line in changed)
+    plans = [part["plan"] for part in json.loads((tmp_path / "recovery.json").read_text())["parts"]]
+    assert [plan["sizes"] for plan in plans] == [list(PLAN.sizes), [6]]
 
 
 def test_the_kept_study_is_that_of_the_code() -> None:
