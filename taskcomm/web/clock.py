@@ -4,6 +4,7 @@ import asyncio
 import time
 from dataclasses import dataclass, field
 
+_STALL = 0.25  # seconds that a tick must be late to be a stall, however short the steps
 _READ = 0.01  # seconds, after a stall, for what came in it: it belongs to the step that the stall lengthened
 
 
@@ -44,7 +45,7 @@ class Clock:
 
     def stalled(self, late: float) -> bool:
         """Whether a tick so many ms late moves the clock."""
-        return late >= 1e3 * self.step / 2
+        return late >= 1e3 * max(self.step / 2, _STALL)
 
     def summary(self) -> dict[str, float]:
         """Ticks, and their lateness in ms: median, 99th percentile, greatest; missed: late by a step."""
