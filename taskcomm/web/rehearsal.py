@@ -12,6 +12,7 @@ import numpy as np
 from taskcomm.studies import drawn_teacher
 from taskcomm.teacher import TeacherModel
 from taskcomm.web.bots import Line, LineError, OperatorBot, TeacherBot, label_presses
+from taskcomm.web.bots.lessons import FrameError
 from taskcomm.web.protocol import Role, Saved, Status
 from taskcomm.web.study.folder import StudyFolder
 from taskcomm.web.study.structure import Design
@@ -126,7 +127,7 @@ class Rehearsal:
             for task in done:
                 try:
                     task.result()
-                except LineError as error:
+                except (LineError, FrameError) as error:
                     raise RehearsalError(str(error)) from None
             waiting -= done
             if not done and self._places() == before:

@@ -21,7 +21,6 @@ from taskcomm.web.protocol import (
     Page,
     Press,
     Problem,
-    Saved,
     ToClient,
     Welcome,
 )
@@ -31,14 +30,13 @@ class TeacherBot:
     """A participant whose mental state is drawn from `model`; `run()` goes through all pages.
 
     In real time a press comes within its step, after a `latency`; in lockstep at once, and the same `seed`
-    gives the same presses and answers. `lessons` are the trials so far, true mental states included. What
-    the server said is on disk: `saved`, the greatest seq by trial, and `acknowledged`, numbers by message.
+    gives the same presses and answers. `lessons` are the trials so far, true mental states included, and
+    `acknowledged` what the server said is on disk: numbers by kind of message.
     """
 
     def __init__(self, line: Line, model: TeacherModel, seed: Sequence[int]) -> None:
         self.line, self.model, self.seed = line, model, tuple(seed)
         self.lessons: list[Lesson] = []
-        self.saved: dict[str, int] = {}
         self.acknowledged: dict[str, set[int]] = {}
         self.page: Page | None = None
         self.finished = False
@@ -62,8 +60,6 @@ class TeacherBot:
                 await self._turn(message)
             case Frame():
                 await self._watch(message)
-            case Saved():
-                self.saved[message.trial] = max(message.seq, self.saved.get(message.trial, -1))
             case Acknowledged():
                 self.acknowledged.setdefault(message.what, set()).add(message.n)
             case Problem():
