@@ -26,7 +26,7 @@ class OperatorBot:
         self._seat = Seat(state="idle", participant="")
         self._script: ScriptedOperator | None = None
         self._lockstep = self._started = False
-        self._heard = -1  # presses up to this step are known to the script
+        self._heard = self._decided = -1  # step whose presses the script knows; step in which it last acted
         self._presses: set[int] = set()
         self._asked: deque[str] = deque()
         self._carried_out: list[tuple[str, int]] = []
@@ -60,7 +60,8 @@ class OperatorBot:
         self._presses.clear()
         self._asked.clear()
         self._carried_out.clear()
-        self._heard, self._started = -1, False
+        self._heard = self._decided = -1
+        self._started = False
 
     async def _watch(self, frame: Frame) -> None:
         if self._seat.state != "control" or frame.state != "run" or frame.t < 0:
@@ -68,7 +69,7 @@ class OperatorBot:
         if self._script is None or frame.t == 0:
             self._begin(frame)
         self._reconcile(frame)
-        if not self._asked:
+        if not self._asked and frame.t > self._decided:
             self._decide(frame.t)
         if self._asked:
             await self._act(frame.t, self._asked[0])
@@ -85,7 +86,7 @@ class OperatorBot:
     def _decide(self, t: int) -> None:
         assert self._script is not None
         pressed = any(self._heard < press < t for press in self._presses)
-        self._heard = max(self._heard, t - 1)
+        self._heard, self._decided = max(self._heard, t - 1), t
         action = self._script.act(pressed if self._started else None)
         self._started = True
         if isinstance(action, Final):
