@@ -99,6 +99,14 @@ def _check_timing(design: Design) -> None:
         raise DesignError(
             f"timing.limit: {timing.limit:g} s is no whole number of steps of {timing.step:g} s"
         )
+    if timing.countdown != round(timing.countdown):
+        raise DesignError(f"timing.countdown: {timing.countdown:g} s is no whole number of seconds")
+    planned = any(condition.controller == "planner" for condition in design.conditions)
+    if timing.countdown < 1 and planned and design.operators is not None and not design.simulated:
+        raise DesignError(
+            "timing.countdown: must be 1 s at least where a planner and operators take turns: it hides from"
+            " the teacher which of them thinks before the first step"
+        )
 
 
 def _refuse_twice(where: str, names: Iterable[str]) -> None:

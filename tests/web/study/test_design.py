@@ -114,6 +114,9 @@ BAD = {
     'name = "a"\n[timing]\nstep = nan': "timing.step: expected `float` >= 0.05",
     'name = "a"\n[timing]\nlimit = 1e9': "timing.limit: expected `float` <= 3600.0",
     'name = "a"\n[timing]\nlimit = 1.2': "timing.limit: 1.2 s is no whole number of steps of 0.5 s",
+    'name = "a"\n[timing]\ncountdown = 1.5': "timing.countdown: 1.5 s is no whole number of seconds",
+    'name = "a"\n[timing]\ncountdown = 0\n[operators]\n[[conditions]]\nname = "p"\ncontroller = "planner"\n'
+    + OPERATED: "timing.countdown: must be 1 s at least",
     'name = "a"\n' + OPERATED: "operators: is missing",
     'name = "a"\n[operators]\ndraw = 2': "operators: no condition is controlled by an operator",
     'name = "a"\n[operators]\ndraw = 4\npool = 22\n' + OPERATED: "operators.pool: 22 people of whom 4",
