@@ -66,7 +66,7 @@ PARTS = (
     Part(
         "thousand",
         ("prompt",),
-        Plan(sizes=(1000,), sources=("operator",), repeats=1, pool=1000, intervals=True, options=OPTIONS),
+        Plan(sizes=(1000,), sources=("operator",), repeats=3, pool=3000, intervals=True, options=OPTIONS),
         robot_trials=0,
     ),
     Part(

@@ -221,9 +221,7 @@ def smooth(
     task = None if trial.task is None else index_of_task(trial, world, trial.task)
     shown = hypotheses(cue_tables(trial, world, parameters.cue), seen(trial, world, model), weight, task)
     extent = Extent.of(parameters)
-    units = [
-        build_unit(one.cues, trial.presses, extent, model.dt, MAX_MEMORIES, one.logs) for one in shown
-    ]
+    units = [build_unit(one.cues, trial.presses, extent, model.dt, MAX_MEMORIES, one.logs) for one in shown]
     chain = Chain(join(units))
     evidence = chain.run(parameters) + np.log([one.share.sum() for one in shown])
     best = evidence.max()
