@@ -111,7 +111,7 @@ assert all(0.25 <= errors[44, name]["at_bound"] <= 0.5 for name in falls)
 assert (errors[200, "that_mov.fall"]["studies"], errors[200, "that_mov.fall"]["at_bound"]) == (5, 0.4)
 counted = {(row["truth"], row["source"], row["size"]): row["studies"] for row in kept["curve"]}
 assert all(counted["prompt", "both", size] == 20 for size in (2, 4, 8, 22, 44))
-assert counted["prompt", "both", 200] == 5 and counted["prompt", "operator", 1000] == 1
+assert counted["prompt", "both", 200] == 5 and counted["prompt", "operator", 1000] == 3
 assert all(counted[truth, "both", 44] == 10 for truth in ("hesitant", "intuitive"))
 assert all(counted[truth, "both", 200] == 3 for truth in ("hesitant", "intuitive"))
 
