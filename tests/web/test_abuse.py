@@ -239,7 +239,18 @@ def test_no_token_opens_the_view_of_another_role(scene: Scene, role: str) -> Non
     assert {message["type"] for message in came} <= own[role]
 
 
+def onslaught(scene: Scene) -> None:
+    """Something of everything above, whichever of it this process has run."""
+    for role in ("teacher", "operator", "annotator", "admin"):
+        scene.attack(role, ["garbage"])
+        scene.attack(role, [said("press", n=1, at=1)])
+        scene.attack(role, [said("list")] * 300)
+        scene.attack(role, ["x" * 2 * LONGEST])
+    scene.attack(None, ["garbage"])
+
+
 def test_after_all_this_the_trial_of_others_has_missed_nothing(scene: Scene) -> None:
+    onslaught(scene)
     lesson = scene.victim.lessons[0]
     lived = len(lesson.moments)
     _until(lambda: len(lesson.moments) > lived + 1, 3)
@@ -256,6 +267,7 @@ def test_after_all_this_the_trial_of_others_has_missed_nothing(scene: Scene) -> 
 
 
 def test_after_all_this_nothing_is_on_disk_that_should_not_be(scene: Scene) -> None:
+    onslaught(scene)
     folder = scene.folder
     assert (folder.path / "server.err").read_text() == ""
     files = {str(file.relative_to(folder.path)) for file in folder.path.rglob("*") if file.is_file()}
