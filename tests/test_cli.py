@@ -17,8 +17,8 @@ from taskcomm.commands.output import result_directory
 from taskcomm.logs import read_trials
 from taskcomm.teacher import TeacherModel
 
-COMMANDS = ("simulate", "fit", "population", "structure", "compare", "replay", "figures")
-COMMANDS += ("validate", "demo", "recover", "serve")
+LEARNING = ("fit", "population", "structure", "recover")
+COMMANDS = ("simulate", "compare", "replay", "figures", "validate", "demo", "serve", *LEARNING)
 DONE, FAILED, USAGE, BAD_DATA, NOT_CONVERGED = range(5)
 
 

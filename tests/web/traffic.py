@@ -67,7 +67,7 @@ def offsets(trial: Sequence[tuple[float, bytes]], step: float) -> Floats:
         seconds for seconds, content in trial if b'"type":"frame"' in content and b'"state":"run"' in content
     ]
     behind = np.array(at) - step * np.arange(len(at))
-    return 1e3 * (behind - behind.min())
+    return np.asarray(1e3 * (behind - behind.min()))
 
 
 def beginning(trial: Sequence[tuple[float, bytes]], steps: int) -> list[tuple[float, bytes]] | None:
