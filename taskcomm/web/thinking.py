@@ -4,6 +4,7 @@ A question holds all that the answer depends on, so any process can answer it, o
 what makes it quick is that each remembers the beliefs it has met.
 """
 
+import logging
 import os
 import threading
 import time
@@ -20,6 +21,8 @@ from taskcomm.planner import EntropyPlanner
 from taskcomm.robot import Final, Robot
 from taskcomm.teacher import TeacherModel
 from taskcomm.world import Action, BallState, BallWorld
+
+log = logging.getLogger("taskcomm")
 
 History = tuple[tuple[str, bool | None], ...]  # of the steps so far: the action as it prints, pressed
 _REMEMBERED = 256
@@ -84,13 +87,15 @@ class Thinker:
 class Minds:
     """So many processes, each with a thinker for every robot; a trial keeps to one of them.
 
-    A process that dies is replaced; the question that it was at raises BrokenProcessPool.
+    A process that dies is `replaced` (how often is counted, and said in the log of the server); the question
+    that it was at raises BrokenProcessPool.
     """
 
     def __init__(self, robots: Sequence[RobotPlan], processes: int = 1) -> None:
         self._robots = tuple(robots)
         self._pools = [self._started() for _ in range(processes if robots else 0)]
         self._next = 0
+        self.replaced = 0
 
     def _started(self) -> ProcessPoolExecutor:
         context = get_context("spawn")
@@ -113,6 +118,8 @@ class Minds:
         try:
             return self._pools[mind].submit(_think, number, history)
         except BrokenProcessPool:
+            self.replaced += 1
+            log.warning("a process of the planner died; another is started")
             self._pools[mind].shutdown(wait=False)
             self._pools[mind] = self._started()
             return self._pools[mind].submit(_think, number, history)
