@@ -77,10 +77,10 @@ def teach(page: Page, task: Task, pause: float) -> int:
 
 
 def control(page: Page, moves: Sequence[tuple[str, str]]) -> None:
-    """Clicks at these parts of the picture with these buttons, each once the one before was done."""
+    """Clicks at these parts of the picture with these buttons, each once the robot has done the one before."""
     for target, button in moves:
-        node = page.locator(target)
+        node, told = page.locator(target), page.locator(".told")
         expect(node).to_have_class(re.compile("responds"))
+        before = told.text_content() or ""
         node.click(button="right" if button == "right" else "left")
-        expect(page.locator(".next")).not_to_have_text("Next: nothing")
-        expect(page.locator(".next")).to_have_text("Next: nothing")
+        expect(told).not_to_have_text(before)

@@ -27,7 +27,7 @@ TWO = Design(
     questionnaire=(),
     instructions=False,
     consent=Consent(ask=False),
-    timing=ONE.timing,
+    timing=Timing(step=0.5, limit=60, countdown=1, grace=1.0, away=20),
 )
 
 
@@ -117,6 +117,7 @@ def test_a_trial_goes_on_after_a_reload_a_second_tab_and_a_lost_connection(
             expect(first.get_by_text("opened in another window")).to_be_visible()
             expect(second.locator(".ball.lit")).to_have_count(1)
             control(operator, [(f'[data-ball="{task.mov}"]', "left")])
+            expect(second.locator(".told")).to_have_text(f"The robot picks up ball {task.mov}.")
             assert seen(second).held == task.mov
             cut = study.house.rooms["P01"].client
             assert cut is not None
