@@ -77,7 +77,7 @@ def teach(page: Page, task: Task, pause: float) -> int:
 
 
 def control(page: Page, moves: Sequence[tuple[str, str]]) -> None:
-    """Clicks at these parts of the picture with these buttons, each once the robot has done the one before."""
+    """Clicks at these parts of the picture with these buttons, each when the robot has done the last."""
     for target, button in moves:
         node, told = page.locator(target), page.locator(".told")
         expect(node).to_have_class(re.compile("responds"))
