@@ -17,7 +17,6 @@ VERSION = 1
 LONGEST = 16 * 1024  # bytes of one message from a client
 FRAME_BYTES = 512
 
-Text = Annotated[str, Meta(max_length=4000)]
 Name = Annotated[str, Meta(min_length=1, max_length=200)]
 Natural = Annotated[int, Meta(ge=0, le=2**53)]
 Moment = Annotated[float, Meta(ge=0, le=1e15)]
