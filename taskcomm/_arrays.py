@@ -14,12 +14,13 @@ Ints = NDArray[np.int64]
 
 WEIGHT, OWN, LEVEL = range(3)  # columns of Rows.row: the levels begin at LEVEL, the on-times after them
 PEAK, UP, DOWN, FIRST_UP, FIRST_DOWN, FIRST, LAST, LATE, DECAY, HOLD = range(10)  # columns of Teacher.top
-SILENT, PRESSED, YES, NO, NEXT = range(5)  # columns of Notes.once
+SILENT, PRESSED, YES, NO, W_LN_W, NEXT = 0, 1, 2, 3, 4, 6  # columns of Notes.once
+LIKELY, APART, KEY, KEPT = range(4)  # columns of Notes.kept, and how many they are
 ONCE, TWICE = 8, 32  # patterns and pairs of patterns kept in Notes
 HIGHEST, OTHERS, BEST, INFORMATION, CAPACITY, REACHED, ALL = range(7)  # columns of Frames.gain
-EXPECTED, PRESSES, BOUND = range(3)  # rows of Frames.table[depth]
+EXPECTED, PRESSES, BOUND, TOLD = range(4)  # rows of Frames.table[depth]
 COST, CUTOFF, SLACK, LEAST, ROOM, LEAST_PRESS, PRESS, VALUE = range(8)  # columns of Frames.real
-START, STOP, STEPS, SINCE, AT, PHASE, PRESS_STOP, GROUPS, STAMP = range(9)  # columns of Frames.whole
+START, STOP, STEPS, SINCE, AT, PHASE, GROUPS, STAMP = range(8)  # columns of Frames.whole
 
 
 class Teacher(NamedTuple):
@@ -41,6 +42,7 @@ class Graph(NamedTuple):
     reach: NDArray[np.uint16]
     climb: Floats
     run: NDArray[np.uint16]
+    changed: NDArray[np.uint64]
 
 
 class Path(NamedTuple):
@@ -68,23 +70,26 @@ class Rows(NamedTuple):
 class Notes(NamedTuple):
     """What the tasks of a belief do, worked out once.
 
-    Task number g of depth d is `tasks[d, g]` and has the rows from `begins[d, g]` to the next; `shown[g]` is
-    the pattern it sees now. `once[d, g, pattern]` is (weight without a press, weight with one, all of it
-    times s ln s and (1 - s) ln(1 - s) for the share s of presses; then by approval, by whether the second
-    step shows its cue, and by branch: the weight of P(M = m) in the second step). `kept[branch, g, pair of
-    patterns]` is (weight of a press in the second step, weight times its entropy). Both are found by the
-    lowest bits of the patterns, and hold where `known` and `key` say so. `usual[g]` is what the first action
-    shows in the second step.
+    Task number g of depth d is `tasks[d, g]` and has the rows from `begins[d, g]` to the next;
+    `group[d, task]` is g for the tasks whose bit is set in `heads[d]`. `shown[g]` is the pattern it sees now.
+
+    `once[d, g, pattern]` is (weight without a press, weight with one, all of it times s ln s and
+    (1 - s) ln(1 - s) for the share s of presses, w ln w of the weights without and with a press; then by
+    approval, by whether the second step shows its cue, and by branch: the weight of P(M = m) in the second
+    step). `kept[branch, g, pair of patterns]` is (weight of a press in the second step, weight times its
+    entropy, key). Both are found by the lowest bits of the patterns, and hold where `known` and the key, an
+    integer's bits, say so. `usual[g]` is what `kept` has for what the first action shows in the second step.
     """
 
     tasks: Ints
     begins: Ints
+    group: Ints
+    heads: NDArray[np.uint64]
     shown: Ints
     known: Ints
     once: Floats
-    key: Ints
     kept: Floats
-    usual: Ints
+    usual: Floats
 
 
 class Frames(NamedTuple):

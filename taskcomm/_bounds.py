@@ -31,18 +31,8 @@ from taskcomm._arrays import (
     UP,
     WEIGHT,
 )
-from taskcomm._rows import compiled, seen, xlogx
-
-
-@compiled
-def _h2(p):
-    return -xlogx(p) - xlogx(1.0 - p)
-
-
-@compiled
-def _divergence(p, q):
-    """KL of press probability p from q, in nats."""
-    return xlogx(p) + xlogx(1.0 - p) - p * np.log(q) - (1.0 - p) * np.log(1.0 - q)
+from taskcomm._entropy import compiled, divergence, h2
+from taskcomm._rows import seen
 
 
 @compiled
@@ -79,10 +69,10 @@ def _highest(teacher, graph, path, rows, frames, before, r, steps, depth):
 @compiled
 def two_points(teacher, highest, share):
     """Information of a channel between mu and `highest`, at most `share` of the mass at the latter."""
-    low, high = _h2(teacher.mu), _h2(highest)
+    low, high = h2(teacher.mu), h2(highest)
     optimum = 1.0 / (1.0 + np.exp((high - low) / (highest - teacher.mu)))
     share = min(share, (optimum - teacher.mu) / (highest - teacher.mu))
-    return max(0.0, _h2(teacher.mu + share * (highest - teacher.mu)) - (1.0 - share) * low - share * high)
+    return max(0.0, h2(teacher.mu + share * (highest - teacher.mu)) - (1.0 - share) * low - share * high)
 
 
 @compiled
@@ -108,7 +98,7 @@ def gains(teacher, graph, path, rows, frames, depth, start, stop, steps):
     """
     node, before = path.trail[depth], len(path.past) - 1
     ceiling = teacher.mu + teacher.top[:, PEAK].sum()
-    slope = _divergence(ceiling, teacher.mu) / (ceiling - teacher.mu) if ceiling > teacher.mu else 0.0
+    slope = divergence(ceiling, teacher.mu) / (ceiling - teacher.mu) if ceiling > teacher.mu else 0.0
     best, total = _best_task(rows, start, stop)
     for k in range(steps):
         frames.gain[depth, k, HIGHEST] = teacher.mu
@@ -137,7 +127,7 @@ def gains(teacher, graph, path, rows, frames, depth, start, stop, steps):
                     )
             r += 1
         for k in range(steps):
-            frames.gain[depth, k, BEST] = _divergence(teacher.mu, frames.gain[depth, k, HIGHEST])
+            frames.gain[depth, k, BEST] = divergence(teacher.mu, frames.gain[depth, k, HIGHEST])
     for k in range(steps):
         highest = frames.gain[depth, k, HIGHEST]
         frames.gain[depth, k, INFORMATION] = frames.gain[depth, k, CAPACITY] = 0.0
@@ -147,6 +137,50 @@ def gains(teacher, graph, path, rows, frames, depth, start, stop, steps):
             frames.gain[depth, k, INFORMATION] = min(
                 total * two_points(teacher, highest, share), frames.gain[depth, k, OTHERS]
             )
+
+
+@compiled
+def _second_top(teacher, rows, r):
+    """The highest P(press) of row r at the second step, whatever is shown.
+
+    Where there is decay, a reset may raise P(M = m): its on-time begins anew.
+    """
+    resets, top = 2 if rows.row.shape[1] > LEVEL + len(teacher.top) else 1, teacher.mu
+    for m in range(len(teacher.top)):
+        most = 0.0
+        for reset in range(resets):
+            most = max(
+                most,
+                max(rows.second[r, m, 0, 0, reset], rows.second[r, m, 0, 1, reset]),
+                max(rows.second[r, m, 1, 0, reset], rows.second[r, m, 1, 1, reset]),
+            )
+        top += most
+    return top
+
+
+@compiled
+def second_gains(teacher, rows, start, stop):
+    """The most that the second step can tell: all the rows [start, stop), and a unit of any mass of them.
+
+    As `gains` has it, from what the rows' approvals can be then (`second`).
+    """
+    best, total = _best_task(rows, start, stop)
+    task, top, r = rows.task[best], teacher.mu, best
+    while r < stop and rows.task[r] == task:
+        top = max(top, _second_top(teacher, rows, r))
+        r += 1
+    apart, highest, above, others = divergence(teacher.mu, top), teacher.mu, 0.0, 0.0
+    ceiling = teacher.mu + teacher.top[:, PEAK].sum()
+    slope = divergence(ceiling, teacher.mu) / (ceiling - teacher.mu) if ceiling > teacher.mu else 0.0
+    for r in range(start, stop):
+        weight, top = rows.row[r, WEIGHT], _second_top(teacher, rows, r)
+        highest, above = max(highest, top), above + weight * (top - teacher.mu)
+        if rows.task[r] != task:
+            others += weight * max(apart, slope * (top - teacher.mu))
+    if highest <= teacher.mu or total <= 0.0:
+        return 0.0, 0.0
+    share = above / ((highest - teacher.mu) * total)
+    return min(others, total * two_points(teacher, highest, share)), two_points(teacher, highest, 1.0)
 
 
 @compiled

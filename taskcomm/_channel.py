@@ -15,12 +15,14 @@ first step showed and on whether the second shows their cue:
 
 with p_rm = P(M = m) of row r at the first step, p_r their sum with mu, p'_rm that at the second step, p''_rm
 after the reset. What a task does when a pattern is shown is worked out once at each belief and kept
-(`once`, and `kept` for the second step), found by its lowest bits and held to be right by its `key`.
+(`once`, and `kept` for the second step), found by its lowest bits and held to be right by its key. Few
+tasks see after one action what they do not see after another (`changed`): only they are summed again.
 """
 
 import numpy as np
 
 from taskcomm._arrays import (
+    APART,
     DECAY,
     DOWN,
     FIRST,
@@ -28,9 +30,11 @@ from taskcomm._arrays import (
     FIRST_UP,
     GROUPS,
     HOLD,
+    KEY,
     LAST,
     LATE,
     LEVEL,
+    LIKELY,
     NEXT,
     NO,
     ONCE,
@@ -41,10 +45,12 @@ from taskcomm._arrays import (
     STAMP,
     TWICE,
     UP,
+    W_LN_W,
     WEIGHT,
     YES,
 )
-from taskcomm._rows import compiled, seen, xlogx
+from taskcomm._entropy import compiled, fused, log, lowest, xlogx
+from taskcomm._rows import seen
 
 
 @compiled
@@ -95,10 +101,13 @@ def second_step(teacher, graph, path, rows, depth, start, stop, resting):
 
 @compiled
 def lay_out(rows, notes, start, stop, depth):
-    """Number the tasks of the rows: tasks[depth, g] has the rows from begins[depth, g] to the next."""
+    """Number the tasks of the rows, from 0; how many there are."""
     groups, at = 0, start
+    notes.heads[depth, :] = 0
     while at < stop:
-        notes.tasks[depth, groups], notes.begins[depth, groups] = rows.task[at], at
+        t = rows.task[at]
+        notes.tasks[depth, groups], notes.begins[depth, groups], notes.group[depth, t] = t, at, groups
+        notes.heads[depth, t >> 6] |= np.uint64(1) << np.uint64(t & 63)
         at += 1
         while at < stop and rows.task[at] == rows.task[at - 1]:
             at += 1
@@ -107,7 +116,7 @@ def lay_out(rows, notes, start, stop, depth):
     return groups
 
 
-@compiled
+@fused
 def _work_out(teacher, rows, notes, depth, g, what):
     """What the rows of task g do when shown `what`."""
     at, states = what & (ONCE - 1), rows.ahead.shape[1]
@@ -130,10 +139,11 @@ def _work_out(teacher, rows, notes, depth, g, what):
                     notes.once[depth, g, at, column + 1] += weight * (
                         pressed * unreset + approved * (reset - unreset)
                     )
-    share = press / mass if mass > 0.0 else 0.0
-    notes.once[depth, g, at, SILENT], notes.once[depth, g, at, PRESSED] = mass - press, press
-    notes.once[depth, g, at, YES] = mass * xlogx(share)
-    notes.once[depth, g, at, NO] = mass * xlogx(1.0 - share)
+    silent, scale = mass - press, log(mass) if mass > 0.0 else 0.0
+    no, yes = xlogx(silent), xlogx(press)
+    notes.once[depth, g, at, SILENT], notes.once[depth, g, at, PRESSED] = silent, press
+    notes.once[depth, g, at, W_LN_W + SILENT], notes.once[depth, g, at, W_LN_W + PRESSED] = no, yes
+    notes.once[depth, g, at, YES], notes.once[depth, g, at, NO] = yes - press * scale, no - silent * scale
 
 
 @compiled
@@ -149,7 +159,7 @@ def show(teacher, graph, rows, notes, frames, node, depth):
             _work_out(teacher, rows, notes, depth, g, what)
 
 
-@compiled
+@fused
 def first_told(notes, depth, groups, total):
     """What the step that shows `shown` tells, and the mass of its press branch."""
     press, apart = 0.0, 0.0
@@ -160,76 +170,86 @@ def first_told(notes, depth, groups, total):
     return max(0.0, apart - xlogx(press / total) * total - xlogx(1.0 - press / total) * total), press
 
 
-@compiled
+@fused
 def _then(teacher, notes, branch, depth, g, stamp, then):
     """Where `kept` has a press of task g in the second step that shows it `then`."""
     what = notes.shown[g]
     slot, key = (what * 5 + then) & (TWICE - 1), (stamp << 32) | (what << 16) | then
-    if notes.key[branch, g, slot] != key:
-        notes.key[branch, g, slot] = key
+    if np.float64(notes.kept[branch, g, slot, KEY]).view(np.int64) != key:
         at = what & (ONCE - 1)
         weight = notes.once[depth, g, at, branch]
         likely = teacher.mu * weight
         for m in range((notes.once.shape[3] - NEXT) // 4):
             likely += notes.once[depth, g, at, NEXT + 4 * m + 2 * (then >> m & 1) + branch]
-        notes.kept[branch, g, slot, 0], notes.kept[branch, g, slot, 1] = likely, 0.0
-        if weight > 0.0:
-            share = likely / weight
-            notes.kept[branch, g, slot, 1] = -weight * (xlogx(share) + xlogx(1.0 - share))
+        notes.kept[branch, g, slot, LIKELY] = likely
+        notes.kept[branch, g, slot, APART] = (
+            notes.once[depth, g, at, W_LN_W + branch] - xlogx(likely) - xlogx(weight - likely)
+        )
+        notes.kept[branch, g, slot, KEY] = np.int64(key).view(np.float64)
     return slot
 
 
-@compiled
-def most_told(teacher, graph, notes, frames, branch, node, depth):
+@fused
+def _told(mass, press, apart):
+    """What a step tells for which `press` of the mass presses, less what remains for the tasks apart."""
+    return xlogx(mass) - xlogx(press) - xlogx(mass - press) - apart
+
+
+@fused
+def most_told(teacher, graph, notes, frames, branch, node, depth, mass):
     """The most that a step from `node` tells after one that showed `shown`; `branch` is 1 after a press.
 
-    What the first action shows, task by task, is in `usual`; the others are told from it by what differs.
+    `mass` is the weight of that branch.
     """
+    if mass <= 0.0:
+        return 0.0
     groups, stamp = frames.whole[depth, GROUPS], frames.whole[depth, STAMP]
-    begin, mass, press, apart = graph.first[node], 0.0, 0.0, 0.0
+    begin, press, apart = graph.first[node], 0.0, 0.0
     for g in range(groups):
         then = np.int64(graph.pattern[graph.successor[begin], notes.tasks[depth, g]])
         slot = _then(teacher, notes, branch, depth, g, stamp, then)
-        notes.usual[g] = then
-        mass += notes.once[depth, g, notes.shown[g] & (ONCE - 1), branch]
-        press += notes.kept[branch, g, slot, 0]
-        apart += notes.kept[branch, g, slot, 1]
-    if mass <= 0.0:
-        return 0.0
-    most = -mass * (xlogx(press / mass) + xlogx(1.0 - press / mass)) - apart
+        one, other = notes.kept[branch, g, slot, LIKELY], notes.kept[branch, g, slot, APART]
+        notes.usual[g, 0], notes.usual[g, 1] = one, other
+        press, apart = press + one, apart + other
+    most = max(0.0, _told(mass, press, apart))
     for c in range(begin + 1, begin + graph.choices[node]):
-        child, more, further = graph.successor[c], 0.0, 0.0
-        for g in range(groups):
-            then = np.int64(graph.pattern[child, notes.tasks[depth, g]])
-            if then != notes.usual[g]:
-                slot = _then(teacher, notes, branch, depth, g, stamp, notes.usual[g])
-                more -= notes.kept[branch, g, slot, 0]
-                further -= notes.kept[branch, g, slot, 1]
-                slot = _then(teacher, notes, branch, depth, g, stamp, then)
-                more += notes.kept[branch, g, slot, 0]
-                further += notes.kept[branch, g, slot, 1]
-        if more != 0.0 or further != 0.0:
-            share = (press + more) / mass
-            most = max(most, -mass * (xlogx(share) + xlogx(1.0 - share)) - apart - further)
-    return max(0.0, most)
+        child, more, further = graph.successor[c], press, apart
+        for word in range(graph.changed.shape[1]):
+            left = graph.changed[c, word] & notes.heads[depth, word]
+            while left != 0:
+                t = (word << 6) + lowest(left)
+                left &= left - np.uint64(1)
+                g = notes.group[depth, t]
+                slot = _then(teacher, notes, branch, depth, g, stamp, np.int64(graph.pattern[child, t]))
+                more += notes.kept[branch, g, slot, LIKELY] - notes.usual[g, 0]
+                further += notes.kept[branch, g, slot, APART] - notes.usual[g, 1]
+        if more != press or further != apart:
+            most = max(most, _told(mass, more, further))
+    return most
 
 
 @compiled
-def owns(rows, notes, depth, groups, press_start, silent_start):
-    """Give the tasks of both branches their `own`; C of the press branch."""
-    mass, cost, at = 0.0, 0.0, press_start
+def silent_owns(rows, notes, depth, groups, at):
+    """Give the tasks of the branch without a press, whose rows begin `at`, their `own`; C of the other."""
+    mass, cost = 0.0, 0.0
     for g in range(groups):
         slot, begin = notes.shown[g] & (ONCE - 1), notes.begins[depth, g]
-        own, press = rows.row[begin, OWN], notes.once[depth, g, slot, PRESSED]
-        weight = press + notes.once[depth, g, slot, SILENT]
-        share = press / weight if weight > 0.0 else 0.0
-        yes = share * own + notes.once[depth, g, slot, YES]
-        rows.row[at, OWN] = yes
-        rows.row[silent_start + begin - notes.begins[depth, 0], OWN] = (
+        press, own = notes.once[depth, g, slot, PRESSED], rows.row[begin, OWN]
+        share = press / (press + notes.once[depth, g, slot, SILENT]) if press > 0.0 else 0.0
+        mass, cost = mass + press, cost - (share * own + notes.once[depth, g, slot, YES])
+        rows.row[at + begin - notes.begins[depth, 0], OWN] = (
             (1.0 - share) * own + notes.once[depth, g, slot, NO]
         )  # fmt: skip
-        mass, cost = mass + press, cost - yes
-        t = rows.task[at]
-        while at < silent_start and rows.task[at] == t:
-            at += 1
     return max(0.0, xlogx(mass) + cost)
+
+
+@compiled
+def press_owns(rows, notes, depth, groups, at, stop):
+    """Give the tasks of the branch with a press, whose rows are [at, stop), their `own`."""
+    for g in range(groups):
+        slot, begin = notes.shown[g] & (ONCE - 1), notes.begins[depth, g]
+        press, t = notes.once[depth, g, slot, PRESSED], rows.task[begin]
+        share = press / (press + notes.once[depth, g, slot, SILENT]) if press > 0.0 else 0.0
+        rows.row[at, OWN] = share * rows.row[begin, OWN] + notes.once[depth, g, slot, YES]
+        while at < stop and rows.task[at] == t:
+            at += 1

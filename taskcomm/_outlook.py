@@ -70,6 +70,18 @@ def fill(nodes, rows, steps, first, count, successor, pattern, pays, slot, reach
 
 
 @_kernel
+def compare(nodes, first, count, successor, pattern, changed):
+    """For each action at the nodes, the tasks to which it shows what the first action there does not."""
+    for node in nodes:
+        usual = pattern[successor[first[node]]]
+        for at in range(first[node], first[node] + count[node]):
+            shown, bits = pattern[successor[at]], changed[at]
+            bits[:] = 0
+            for t in range(len(usual)):
+                bits[t >> 6] |= np.uint64(shown[t] != usual[t]) << np.uint64(t & 63)
+
+
+@_kernel
 def cut(distance, keep, first, count, depth, slot, gone, rows, links):
     """Leave the part of the graph within `keep` steps; `distance` is that from the root, negative where it
     was not reached.

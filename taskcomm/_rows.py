@@ -23,19 +23,9 @@ from taskcomm._arrays import (
     UP,
     WEIGHT,
 )
-from taskcomm.compiling import kernel
+from taskcomm._entropy import compiled
 
-SEARCH = "the planner's search"
 ROUNDING = 1e-13  # relative difference of weights that are equal but for rounding
-
-# Calls that pass this many arrays cost more than what is done in them; references need no counting, since
-# nothing is allocated.
-compiled = kernel(__name__, SEARCH, error_model="numpy", forceinline=True, _nrt=False)
-
-
-@compiled
-def xlogx(x):
-    return x * np.log(x) if x > 0.0 else 0.0
 
 
 @compiled
@@ -87,42 +77,43 @@ def look_ahead(teacher, graph, path, rows, depth, start, stop, resting):
 
 
 @compiled
-def branch(teacher, graph, rows, node, start, stop):
-    """Append the rows after the step to `node`: with a press from `stop` on, then without; `own` apart.
-
-    Returns where the former end and the latter start, or -1 where there is no room; the latter are as
-    many as the parent's. The press branch comes first since it is searched last, and must not be
-    overwritten until then.
-    """
+def silent_branch(teacher, graph, rows, node, start, stop):
+    """Append the rows after the step to `node` without a press, as many as the parent's; `own` apart."""
     states = rows.ahead.shape[1]
-    columns = rows.row.shape[1]
-    decays = columns > LEVEL + states
-    press_stop, silent_start = stop, stop + (stop - start) * (states + 1)
-    if silent_start + (stop - start) > len(rows.task):
-        return -1, -1
+    decays = rows.row.shape[1] > LEVEL + states
     for r in range(start, stop):
-        silent, shown, approved = silent_start + r - start, int(graph.pattern[node, rows.task[r]]), teacher.mu
+        at, shown, pressed = stop + r - start, int(graph.pattern[node, rows.task[r]]), teacher.mu
         for m in range(states):
-            rows.row[silent, LEVEL + m] = rows.ahead[r, m, shown >> m & 1, 0]
+            ahead = rows.ahead[r, m, shown >> m & 1]
+            rows.row[at, LEVEL + m] = ahead[0]
+            pressed += ahead[1]
             if decays:
-                rows.row[silent, LEVEL + states + m] = rows.ahead[r, m, shown >> m & 1, 2]
-        for m in range(-1, states):  # a mistake, then the resets
-            probability = teacher.mu
-            if m >= 0:
-                probability = rows.ahead[r, m, shown >> m & 1, 1]
-                approved += probability
-            if probability > 0.0:
-                rows.task[press_stop] = rows.task[r]
-                for column in range(LEVEL, columns):
-                    rows.row[press_stop, column] = rows.row[silent, column]
-                if m >= 0:
-                    rows.row[press_stop, LEVEL + m] = 0.0
-                    if decays:
-                        rows.row[press_stop, LEVEL + states + m] = 0.0
-                rows.row[press_stop, WEIGHT] = rows.row[r, WEIGHT] * probability
-                press_stop += 1
-        rows.task[silent], rows.row[silent, WEIGHT] = rows.task[r], rows.row[r, WEIGHT] * (1.0 - approved)
-    return press_stop, silent_start
+                rows.row[at, LEVEL + states + m] = ahead[2]
+        rows.task[at], rows.row[at, WEIGHT] = rows.task[r], rows.row[r, WEIGHT] * (1.0 - pressed)
+
+
+@compiled
+def press_branch(teacher, graph, rows, node, start, stop):
+    """Append the rows after the step to `node` with a press, `own` apart; where they end.
+
+    One row becomes one for a mistake and one for each reset that is possible.
+    """
+    states, at = rows.ahead.shape[1], stop
+    decays = rows.row.shape[1] > LEVEL + states
+    for r in range(start, stop):
+        shown = int(graph.pattern[node, rows.task[r]])
+        for reset in range(-1, states):  # a mistake, then the resets
+            probability = teacher.mu if reset < 0 else rows.ahead[r, reset, shown >> reset & 1, 1]
+            if probability <= 0.0:
+                continue
+            for m in range(states):
+                ahead = rows.ahead[r, m, shown >> m & 1]
+                rows.row[at, LEVEL + m] = 0.0 if m == reset else ahead[0]
+                if decays:
+                    rows.row[at, LEVEL + states + m] = 0.0 if m == reset else ahead[2]
+            rows.task[at], rows.row[at, WEIGHT] = rows.task[r], rows.row[r, WEIGHT] * probability
+            at += 1
+    return at
 
 
 @compiled

@@ -18,6 +18,7 @@ and `exact` by action.
 
 import numpy as np
 
+from taskcomm._actions import bounds_on, first_steps, last_two, least_of
 from taskcomm._arrays import (
     AT,
     BOUND,
@@ -29,122 +30,29 @@ from taskcomm._arrays import (
     INFORMATION,
     LEAST,
     LEAST_PRESS,
-    LEVEL,
     OWN,
     PHASE,
     PRESS,
-    PRESS_STOP,
     PRESSED,
     PRESSES,
     ROOM,
-    SILENT,
     SINCE,
     SLACK,
     STAMP,
     START,
     STEPS,
     STOP,
+    TOLD,
     VALUE,
     WEIGHT,
 )
-from taskcomm._bounds import gains, least_future, two_points
-from taskcomm._channel import first_told, lay_out, most_told, owns, second_step, show
-from taskcomm._rows import branch, compiled, look_ahead, merge, xlogx
+from taskcomm._bounds import gains, least_future
+from taskcomm._channel import lay_out, most_told, press_owns, second_step, show, silent_owns
+from taskcomm._entropy import compiled, xlogx
+from taskcomm._rows import look_ahead, merge, press_branch, silent_branch
 
+FULL, RULED_OUT, BEGUN = range(3)  # what came of a descent
 ENTER, AFTER_SILENT, AFTER_PRESS = range(3)  # phases
-
-
-@compiled
-def _place(frames, depth, a, bound):
-    """Give action a its lower bound and its place among the actions before it, lowest bound first."""
-    frames.table[depth, BOUND, a] = bound
-    at = a
-    while at > 0 and frames.table[depth, BOUND, frames.order[depth, at - 1]] > bound:
-        frames.order[depth, at] = frames.order[depth, at - 1]
-        at -= 1
-    frames.order[depth, at] = a
-
-
-@compiled
-def _first_steps(teacher, graph, rows, notes, frames, node, depth):
-    """C after every action at `node` and the mass of its press branch, into table; the total mass."""
-    groups, cost, total = frames.whole[depth, GROUPS], frames.real[depth, COST], 0.0
-    for r in range(notes.begins[depth, 0], notes.begins[depth, groups]):
-        total += rows.row[r, WEIGHT]
-    for a in range(graph.choices[node]):
-        show(teacher, graph, rows, notes, frames, graph.successor[graph.first[node] + a], depth)
-        told, frames.table[depth, PRESSES, a] = first_told(notes, depth, groups, total)
-        frames.table[depth, EXPECTED, a] = max(0.0, cost - told)
-    return total
-
-
-@compiled
-def _room(teacher, rows, start, stop):
-    """The most that the second step can tell for a unit of mass.
-
-    Where there is decay, a reset may raise P(M = m): its on-time begins anew.
-    """
-    highest, resets = teacher.mu, 2 if rows.row.shape[1] > LEVEL + len(teacher.top) else 1
-    for r in range(start, stop):
-        p = teacher.mu
-        for m in range(rows.second.shape[1]):
-            most = 0.0
-            for reset in range(resets):
-                most = max(
-                    most,
-                    max(rows.second[r, m, 0, 0, reset], rows.second[r, m, 0, 1, reset]),
-                    max(rows.second[r, m, 1, 0, reset], rows.second[r, m, 1, 1, reset]),
-                )
-            p += most
-        highest = max(highest, p)
-    return two_points(teacher, highest, 1.0) if highest > teacher.mu else 0.0
-
-
-@compiled
-def _last_two(teacher, graph, rows, notes, frames, node, depth, total, gamma):
-    """Q_2 of every action at `node`, or a bound where it is no less than what counts; how many were found."""
-    table, exact, real, whole = frames.table, frames.exact, frames.real, frames.whole
-    actions, nodes, least = graph.choices[node], 0, np.inf
-    room = _room(teacher, rows, whole[depth, START], whole[depth, STOP])
-    for a in range(actions):
-        exact[depth, a], expected = False, table[depth, EXPECTED, a]
-        _place(frames, depth, a, expected + gamma * max(0.0, expected - room * total))
-    for at in range(actions):
-        a = frames.order[depth, at]
-        cutoff = min(least + real[depth, SLACK], real[depth, CUTOFF])
-        if table[depth, BOUND, a] >= cutoff:
-            break
-        child = graph.successor[graph.first[node] + a]
-        show(teacher, graph, rows, notes, frames, child, depth)
-        expected = table[depth, EXPECTED, a]
-        later = expected - most_told(teacher, graph, notes, frames, SILENT, child, depth)
-        bound = expected + gamma * (later - room * table[depth, PRESSES, a])
-        table[depth, BOUND, a] = max(table[depth, BOUND, a], bound)
-        nodes += 1
-        if table[depth, BOUND, a] < cutoff:
-            later -= most_told(teacher, graph, notes, frames, PRESSED, child, depth)
-            table[depth, BOUND, a], exact[depth, a] = expected + gamma * later, True
-            least = min(least, table[depth, BOUND, a])
-            nodes += 1
-    return nodes
-
-
-@compiled
-def _bound(teacher, graph, rows, notes, frames, node, depth, steps, gamma):
-    """Lower bounds on Q of every action at `node`, and the actions by them.
-
-    The first step is exact, the second for the branch without a press; later ones are bounded by `gain`.
-    """
-    for a in range(graph.choices[node]):
-        child = graph.successor[graph.first[node] + a]
-        show(teacher, graph, rows, notes, frames, child, depth)
-        expected = frames.table[depth, EXPECTED, a]
-        told = most_told(teacher, graph, notes, frames, SILENT, child, depth)
-        told += frames.table[depth, PRESSES, a] * frames.gain[depth, 1, CAPACITY]
-        later = max(0.0, expected - min(told, frames.gain[depth, 1, INFORMATION]))
-        rest = least_future(frames, depth, INFORMATION, 1.0, 2, steps, later, gamma)
-        _place(frames, depth, a, expected + gamma * (later + gamma * rest))
-        frames.exact[depth, a] = False
 
 
 @compiled
@@ -178,11 +86,11 @@ def _enter(teacher, graph, path, rows, notes, frames, depth, gamma):
     whole[depth, GROUPS] = lay_out(rows, notes, start, stop, depth)
     whole[-1, STAMP] += 1
     whole[depth, STAMP] = whole[-1, STAMP]
-    total = _first_steps(teacher, graph, rows, notes, frames, node, depth)
+    total = first_steps(teacher, graph, rows, notes, frames, node, depth)
     if steps == 2:
-        return 1 + _last_two(teacher, graph, rows, notes, frames, node, depth, total, gamma)
+        return 1 + last_two(teacher, graph, rows, notes, frames, node, depth, total, gamma)
     if steps > 2:
-        _bound(teacher, graph, rows, notes, frames, node, depth, steps, gamma)
+        bounds_on(teacher, graph, rows, notes, frames, node, depth, steps, total, gamma)
         return 1
     for a in range(graph.choices[node]):
         table[depth, BOUND, a], exact[depth, a] = table[depth, EXPECTED, a], True
@@ -191,24 +99,89 @@ def _enter(teacher, graph, path, rows, notes, frames, depth, gamma):
 
 @compiled
 def _descend(teacher, graph, path, rows, notes, frames, depth, action, limit, gamma):
-    """Begin the search of the branch of `action` without a press; whether its rows fit."""
+    """Begin the search of the branch of `action` without a press: FULL where its rows may not fit, RULED_OUT
+    where what the branch with a press can tell next leaves the action nothing below `limit`, else BEGUN.
+    """
     table, real, whole = frames.table, frames.real, frames.whole
     start, stop, steps = whole[depth, START], whole[depth, STOP], whole[depth, STEPS]
     child = graph.successor[graph.first[path.trail[depth]] + action]
-    press_stop, silent_start = branch(teacher, graph, rows, child, start, stop)
-    if press_stop < 0:
-        return False
-    path.trail[depth + 1] = child
-    show(teacher, graph, rows, notes, frames, child, depth)
-    press = owns(rows, notes, depth, whole[depth, GROUPS], stop, silent_start)
     expected, mass = table[depth, EXPECTED, action], table[depth, PRESSES, action]
+    show(teacher, graph, rows, notes, frames, child, depth)
+    told = most_told(teacher, graph, notes, frames, PRESSED, child, depth, mass)
+    bound = least_of(frames, depth, action, table[depth, TOLD, action] + told, steps, gamma)
+    table[depth, BOUND, action] = max(table[depth, BOUND, action], bound)
+    if bound >= limit:
+        return RULED_OUT
+    if stop + (stop - start) * (len(teacher.top) + 1) > len(rows.task):
+        return FULL
+    silent_branch(teacher, graph, rows, child, start, stop)
+    press = silent_owns(rows, notes, depth, whole[depth, GROUPS], stop)
+    later = max(0.0, press - told)
+    rest = least_future(frames, depth, CAPACITY, mass, 2, steps, later, gamma)
     real[depth, PRESS], real[depth, ROOM] = press, (limit - expected) / gamma
-    real[depth, LEAST_PRESS] = least_future(frames, depth, CAPACITY, mass, 1, steps, press, gamma)
-    whole[depth, PRESS_STOP], whole[depth, PHASE] = press_stop, AFTER_SILENT
+    real[depth, LEAST_PRESS] = later + gamma * rest
+    path.trail[depth + 1], whole[depth, PHASE] = child, AFTER_SILENT
     silent, room = max(0.0, expected - press), real[depth, ROOM] - real[depth, LEAST_PRESS]
-    since = whole[depth, SINCE] + 1
-    _push(frames, depth + 1, silent_start, silent_start + stop - start, steps - 1, since, silent, room)
-    return True
+    _push(frames, depth + 1, stop, stop + stop - start, steps - 1, whole[depth, SINCE] + 1, silent, room)
+    return BEGUN
+
+
+@compiled
+def _descend_pressed(teacher, graph, path, rows, notes, frames, depth, silent):
+    """Begin the search of the branch with a press, in the rows of that without, which is worth `silent`."""
+    real, whole, child = frames.real, frames.whole, path.trail[depth + 1]
+    start, stop = whole[depth, START], whole[depth, STOP]
+    end = press_branch(teacher, graph, rows, child, start, stop)
+    show(teacher, graph, rows, notes, frames, child, depth)
+    press_owns(rows, notes, depth, whole[depth, GROUPS], stop, end)
+    real[depth, VALUE], whole[depth, PHASE] = silent, AFTER_PRESS
+    room = real[depth, ROOM] - silent
+    _push(frames, depth + 1, stop, end, whole[depth, STEPS] - 1, 0, real[depth, PRESS], room)
+
+
+@compiled
+def _settle(frames, depth, value, gamma):
+    """Take note of Q of the action that was searched, `value` being that of the branch searched last."""
+    table, exact, real, whole = frames.table, frames.exact, frames.real, frames.whole
+    action = frames.order[depth, whole[depth, AT]]
+    if whole[depth, PHASE] == AFTER_SILENT:
+        value += real[depth, LEAST_PRESS]
+    else:
+        exact[depth, action] = value < real[depth, ROOM] - real[depth, VALUE]
+        value += real[depth, VALUE]
+    value = table[depth, EXPECTED, action] + gamma * value
+    if exact[depth, action]:
+        table[depth, BOUND, action] = value
+        real[depth, LEAST] = min(real[depth, LEAST], value)
+    else:
+        table[depth, BOUND, action] = max(table[depth, BOUND, action], value)
+    whole[depth, AT] += 1
+
+
+@compiled
+def _value(frames, depth, actions):
+    """The least Q of a frame's actions, or a lower bound on it."""
+    least = np.inf
+    for a in range(actions):
+        least = min(least, frames.table[depth, BOUND, a])
+    return least
+
+
+@compiled
+def _next(teacher, graph, path, rows, notes, frames, depth, gamma):
+    """Begin the search of the next action that may lie below what counts; RULED_OUT where there is none."""
+    table, real, whole = frames.table, frames.real, frames.whole
+    actions = graph.choices[path.trail[depth]] if whole[depth, STEPS] > 2 else 0
+    limit = min(real[depth, LEAST] + real[depth, SLACK], real[depth, CUTOFF])
+    while whole[depth, AT] < actions:
+        action = frames.order[depth, whole[depth, AT]]
+        if table[depth, BOUND, action] >= limit:
+            break
+        outcome = _descend(teacher, graph, path, rows, notes, frames, depth, action, limit, gamma)
+        if outcome != RULED_OUT:
+            return outcome
+        whole[depth, AT] += 1
+    return RULED_OUT
 
 
 @compiled
@@ -223,7 +196,7 @@ def search(
     Returns the number of nodes visited, or -1 where the rows did not fit, and the depth reached: -1 at
     the end.
     """
-    table, exact, order, real, whole = frames.table, frames.exact, frames.order, frames.real, frames.whole
+    real, whole = frames.real, frames.whole
     depth, nodes, value = max(resume, 0), 0, 0.0
     if resume < 0:
         weight = 0.0
@@ -244,35 +217,17 @@ def search(
                 depth -= 1
                 continue
         elif whole[depth, PHASE] == AFTER_SILENT and value < real[depth, ROOM] - real[depth, LEAST_PRESS]:
-            real[depth, VALUE], whole[depth, PHASE] = value, AFTER_PRESS
-            start, stop, steps = whole[depth, STOP], whole[depth, PRESS_STOP], whole[depth, STEPS] - 1
-            _push(frames, depth + 1, start, stop, steps, 0, real[depth, PRESS], real[depth, ROOM] - value)
+            _descend_pressed(teacher, graph, path, rows, notes, frames, depth, value)
             depth += 1
             continue
         else:
-            action = order[depth, whole[depth, AT]]
-            if whole[depth, PHASE] == AFTER_SILENT:
-                value += real[depth, LEAST_PRESS]
-            else:
-                exact[depth, action] = value < real[depth, ROOM] - real[depth, VALUE]
-                value += real[depth, VALUE]
-            value = table[depth, EXPECTED, action] + gamma * value
-            if exact[depth, action]:
-                table[depth, BOUND, action] = value
-                real[depth, LEAST] = min(real[depth, LEAST], value)
-            else:
-                table[depth, BOUND, action] = max(table[depth, BOUND, action], value)
-            whole[depth, AT] += 1
-        at, actions = whole[depth, AT], graph.choices[path.trail[depth]]
-        limit = min(real[depth, LEAST] + real[depth, SLACK], real[depth, CUTOFF])
-        done = whole[depth, STEPS] <= 2 or at == actions
-        if done or table[depth, BOUND, order[depth, at]] >= limit:
-            value = np.inf
-            for a in range(actions):
-                value = min(value, table[depth, BOUND, a])
-            depth -= 1
-            continue
-        if not _descend(teacher, graph, path, rows, notes, frames, depth, order[depth, at], limit, gamma):
+            _settle(frames, depth, value, gamma)
+        outcome = _next(teacher, graph, path, rows, notes, frames, depth, gamma)
+        if outcome == FULL:
             return -1, depth
-        depth += 1
+        if outcome == BEGUN:
+            depth += 1
+            continue
+        value = _value(frames, depth, graph.choices[path.trail[depth]])
+        depth -= 1
     return nodes, -1

@@ -41,12 +41,13 @@ class Search:
         rows = _rows(belief, max(capacity, number * (len(teacher.top) + 3)))
         world = Graph(
             *(graph.first, graph.count, graph.successor, graph.pattern),
-            *(graph.slot, graph.reach, graph.climb, graph.run),
+            *(graph.slot, graph.reach, graph.climb),
+            *(graph.run, graph.changed),
         )
         start = number, horizon, belief.since_press, belief.entropy(), slack, gamma
         self.horizon, self.nodes, self.fits = horizon, 0, True
         self._kernel, self._resume = _search.search, -1
-        path, notes = _path(belief, root, horizon), _notes(belief, horizon)
+        path, notes = _path(belief, root, horizon), _notes(belief, graph, horizon)
         self._arguments = teacher, world, path, rows, notes, frames, *start
         count = int(graph.count[root])
         self.exact: Bools = frames.exact[0, :count]
@@ -104,27 +105,28 @@ def _rows(belief: Belief, capacity: int) -> Rows:
     return Rows(task, row, np.empty((capacity, states, 2, 3)), np.empty((capacity, states, 2, 2, 2)))
 
 
-def _notes(belief: Belief, horizon: int) -> Notes:
+def _notes(belief: Belief, graph: WorldGraph, horizon: int) -> Notes:
     tasks, columns = len(belief.world.tasks), _arrays.NEXT + 4 * len(belief.parameters.peak)
     return Notes(
         tasks=np.empty((horizon, tasks), dtype=np.int64),
         begins=np.empty((horizon, tasks + 1), dtype=np.int64),
+        group=np.empty((horizon, tasks), dtype=np.int64),
+        heads=np.empty((horizon, graph.changed.shape[1]), dtype=np.uint64),
         shown=np.empty(tasks, dtype=np.int64),
         known=np.zeros((horizon, tasks, _arrays.ONCE), dtype=np.int64),
         once=np.empty((horizon, tasks, _arrays.ONCE, columns)),
-        key=np.zeros((2, tasks, _arrays.TWICE), dtype=np.int64),
-        kept=np.empty((2, tasks, _arrays.TWICE, 2)),
-        usual=np.empty(tasks, dtype=np.int64),
+        kept=np.zeros((2, tasks, _arrays.TWICE, _arrays.KEPT)),
+        usual=np.empty((tasks, 2)),
     )
 
 
 def _frames(belief: Belief, graph: WorldGraph, horizon: int) -> Frames:
     return Frames(
-        table=np.zeros((horizon, 3, graph.most)),
+        table=np.zeros((horizon, 4, graph.most)),
         exact=np.zeros((horizon, graph.most), dtype=np.bool_),
         order=np.zeros((horizon, graph.most), dtype=np.int64),
         gain=np.zeros((horizon, horizon, 7)),
         window=np.zeros(belief.seen.shape[0] + horizon, dtype=np.int64),
         real=np.zeros((horizon, 8)),
-        whole=np.zeros((horizon + 1, 9), dtype=np.int64),
+        whole=np.zeros((horizon + 1, 8), dtype=np.int64),
     )

@@ -34,7 +34,8 @@ class WorldGraph:
     Node n is `states[n]`; its actions, in canonical order, lead to the nodes
     `successor[first[n] : first[n] + count[n]]` once it is expanded (`count[n]` > 0); `most` is the largest
     count so far. `pattern[n, task]` has bit m set where the cue of approval m is on; `cue` (M,) are the rows
-    of `world.cues(state)` that the teacher model uses.
+    of `world.cues(state)` that the teacher model uses. Bit t % 64 of `changed[first[n] + a, t // 64]` is set
+    where action a shows task t another pattern than the first action does, once `depth[n]` is 1 or more.
 
     The outlook of n: what d steps from it can show, filled for d <= `depth[n]`, is the row `slot[n, d]`
     of three arrays. Row 0, of zeros, stands for d = 0 and for what is not filled.
@@ -56,6 +57,7 @@ class WorldGraph:
     pattern: NDArray[np.uint16]
     slot: NDArray[np.int32]
     successor: NDArray[np.int32]
+    changed: NDArray[np.uint64]
     reach: NDArray[np.uint16]
     climb: NDArray[np.float64]
     run: NDArray[np.uint16]
@@ -97,8 +99,9 @@ class WorldGraph:
     def _reserve(self, memory: int) -> None:
         """Make the arrays as large as `memory` bytes allow, what they hold being kept."""
         tasks, steps = len(self.world.tasks), self.horizon + 1
+        words = -(-tasks // 64)
         nodes = max(2, memory // 3 * 2 // (2 * tasks + 4 * steps + 26 + STATE_BYTES))
-        rows = max(2, memory // 3 // (12 * tasks + 4 * self._width))
+        rows = max(2, memory // 3 // (12 * tasks + (4 + 8 * words) * self._width))
         kinds: dict[str, tuple[tuple[int, ...], type]] = {
             "first": ((nodes,), np.int64),
             "count": ((nodes,), np.int64),
@@ -107,6 +110,7 @@ class WorldGraph:
             "pattern": ((nodes, tasks), np.uint16),
             "slot": ((nodes, steps), np.int32),
             "successor": ((rows * self._width,), np.int32),
+            "changed": ((rows * self._width, words), np.uint64),
             "reach": ((rows, tasks), np.uint16),
             "climb": ((rows, tasks), np.float64),
             "run": ((rows, tasks), np.uint16),
@@ -199,6 +203,8 @@ class WorldGraph:
             done, nodes = nodes[: len(rows)], nodes[len(rows) :]
             graph = self.first, self.count, self.successor, self.pattern, self._pays, self.slot
             self._kernels.fill(done, rows, steps, *graph, self.reach, self.climb, self.run, self._differ)
+            if steps == 1:
+                self._kernels.compare(done, *graph[:4], self.changed)
             self.depth[done] = steps
         return True
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from plaintree import PlainTree
 from trees import assert_equals_the_whole_tree, situations
 
 from taskcomm.belief import Belief
@@ -60,6 +61,19 @@ def test_equals_the_whole_tree_at_the_papers_horizon(horizon: int, presses: int)
         state = world.step(state, world.actions(state)[1 + step % 2])
         belief = belief.update(state, step % 2 == 1)
     assert_equals_the_whole_tree(belief, state, horizon, 1.0)
+
+
+@pytest.mark.parametrize("num_balls", [5, 6])
+def test_equals_the_plain_tree_with_more_tasks_than_a_word_has_bits(num_balls: int) -> None:
+    world, model = BallWorld(num_balls), TeacherModel.intuitive()
+    belief, state = Belief.initial(world, model), world.start()
+    tree = PlainTree(world, model, 3)
+    for step in range(6):
+        actions = world.actions(state)
+        state = world.step(state, actions[(5 * step + 2) % len(actions)])
+        belief = belief.update(state, step == 3)
+        decision = EntropyPlanner(world, model, 3).plan(belief, state, exact_values=True)
+        assert decision.values == pytest.approx(tree.values(belief, state), abs=1e-9)
 
 
 def peaked(presses: int) -> tuple[Belief, object]:

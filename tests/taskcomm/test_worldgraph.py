@@ -76,6 +76,7 @@ def assert_complete(graph: WorldGraph, state: Any, depth: int) -> None:
             first, count = graph.first[node], graph.count[node]
             successors = [world.step(at, action) for action in world.actions(at)]
             assert [graph.states[n] for n in graph.successor[first : first + count]] == successors
+            assert_compared(graph, slice(first, first + count))
             assert graph.depth[node] >= left
             for steps in range(1, left + 1):
                 row = graph.slot[node, steps]
@@ -85,6 +86,16 @@ def assert_complete(graph: WorldGraph, state: Any, depth: int) -> None:
                 assert (graph.run[row] == run).all()
             near |= {state: graph.node(state) for state in successors}
     assert_tidy(graph)
+
+
+def assert_compared(graph: WorldGraph, links: slice) -> None:
+    """`changed` says which tasks are shown something else than by the first action."""
+    shown = graph.pattern[graph.successor[links]]
+    for t in range(len(graph.world.tasks)):
+        bits = graph.changed[links, t // 64] >> np.uint64(t % 64) & np.uint64(1)
+        assert (bits == (shown[:, t] != shown[0, t])).all()
+    of_tasks = graph.changed[links].astype("<u8").view(np.uint8)
+    assert not np.unpackbits(of_tasks, axis=1, bitorder="little")[:, len(graph.world.tasks) :].any()
 
 
 def assert_tidy(graph: WorldGraph) -> None:
@@ -116,6 +127,15 @@ def test_outlooks_equal_the_enumeration_in_a_world_without_balls(num_cues: int) 
     graph = graph_of(world, model, 4)
     graph.grow(world.start(), 4)
     assert_complete(graph, world.start(), 4)
+
+
+@pytest.mark.parametrize("num_tasks", [64, 65, 150])
+def test_more_tasks_than_a_word_has_bits_are_compared_in_several(num_tasks: int) -> None:
+    world, model = plane(num_tasks=num_tasks)
+    graph = graph_of(world, model, 2)
+    graph.grow(world.start(), 2)
+    assert graph.changed.shape[1] == -(-num_tasks // 64)
+    assert_complete(graph, world.start(), 2)
 
 
 @given(st.data(), st.integers(0, 99), st.sampled_from([1, 3, 8, 9, 16]), st.integers(1, 5))

@@ -1,0 +1,107 @@
+# mypy: disable-error-code="no-untyped-def, no-untyped-call"
+"""What each action at one belief costs at least, and which to search first, compiled.
+
+The first step is exact (`_channel`), the second too where there are but two; later ones are bounded
+(`_bounds`).
+"""
+
+import numpy as np
+
+from taskcomm._arrays import (
+    BOUND,
+    CAPACITY,
+    COST,
+    CUTOFF,
+    EXPECTED,
+    GROUPS,
+    INFORMATION,
+    PRESSED,
+    PRESSES,
+    SILENT,
+    SLACK,
+    START,
+    STOP,
+    TOLD,
+    WEIGHT,
+)
+from taskcomm._bounds import least_future, second_gains
+from taskcomm._channel import first_told, most_told, show
+from taskcomm._entropy import compiled
+
+
+@compiled
+def _place(frames, depth, a, bound):
+    """Give action a its lower bound and its place among the actions before it, lowest bound first."""
+    frames.table[depth, BOUND, a] = bound
+    at = a
+    while at > 0 and frames.table[depth, BOUND, frames.order[depth, at - 1]] > bound:
+        frames.order[depth, at] = frames.order[depth, at - 1]
+        at -= 1
+    frames.order[depth, at] = a
+
+
+@compiled
+def first_steps(teacher, graph, rows, notes, frames, node, depth):
+    """C after every action at `node` and the mass of its press branch, into table; the total mass."""
+    groups, cost, total = frames.whole[depth, GROUPS], frames.real[depth, COST], 0.0
+    for r in range(notes.begins[depth, 0], notes.begins[depth, groups]):
+        total += rows.row[r, WEIGHT]
+    for a in range(graph.choices[node]):
+        show(teacher, graph, rows, notes, frames, graph.successor[graph.first[node] + a], depth)
+        told, frames.table[depth, PRESSES, a] = first_told(notes, depth, groups, total)
+        frames.table[depth, EXPECTED, a] = max(0.0, cost - told)
+    return total
+
+
+@compiled
+def last_two(teacher, graph, rows, notes, frames, node, depth, total, gamma):
+    """Q_2 of every action at `node`, or a bound where it is no less than what counts; how many were found."""
+    table, exact, real, whole = frames.table, frames.exact, frames.real, frames.whole
+    actions, nodes, least = graph.choices[node], 0, np.inf
+    most, room = second_gains(teacher, rows, whole[depth, START], whole[depth, STOP])
+    for a in range(actions):
+        exact[depth, a], expected = False, table[depth, EXPECTED, a]
+        _place(frames, depth, a, expected + gamma * max(0.0, expected - most))
+    for at in range(actions):
+        a = frames.order[depth, at]
+        cutoff = min(least + real[depth, SLACK], real[depth, CUTOFF])
+        if table[depth, BOUND, a] >= cutoff:
+            break
+        child = graph.successor[graph.first[node] + a]
+        show(teacher, graph, rows, notes, frames, child, depth)
+        expected, press = table[depth, EXPECTED, a], table[depth, PRESSES, a]
+        later = expected - most_told(teacher, graph, notes, frames, SILENT, child, depth, total - press)
+        bound = expected + gamma * (later - room * press)
+        table[depth, BOUND, a] = max(table[depth, BOUND, a], bound)
+        nodes += 1
+        if table[depth, BOUND, a] < cutoff:
+            later -= most_told(teacher, graph, notes, frames, PRESSED, child, depth, press)
+            table[depth, BOUND, a], exact[depth, a] = expected + gamma * later, True
+            least = min(least, table[depth, BOUND, a])
+            nodes += 1
+    return nodes
+
+
+@compiled
+def least_of(frames, depth, a, told, steps, gamma):
+    """A lower bound on Q of action a whose second step tells `told` at most, later ones what `gain` says."""
+    expected = frames.table[depth, EXPECTED, a]
+    later = max(0.0, expected - min(told, frames.gain[depth, 1, INFORMATION]))
+    rest = least_future(frames, depth, INFORMATION, 1.0, 2, steps, later, gamma)
+    return expected + gamma * (later + gamma * rest)
+
+
+@compiled
+def bounds_on(teacher, graph, rows, notes, frames, node, depth, steps, total, gamma):
+    """Find lower bounds on Q of every action at `node`, and put the actions in their order.
+
+    The first step is exact, the second for the branch without a press; later ones are bounded by `gain`.
+    """
+    table = frames.table
+    for a in range(graph.choices[node]):
+        child, press = graph.successor[graph.first[node] + a], table[depth, PRESSES, a]
+        show(teacher, graph, rows, notes, frames, child, depth)
+        told = most_told(teacher, graph, notes, frames, SILENT, child, depth, total - press)
+        table[depth, TOLD, a], frames.exact[depth, a] = told, False
+        told += press * frames.gain[depth, 1, CAPACITY]
+        _place(frames, depth, a, least_of(frames, depth, a, told, steps, gamma))
