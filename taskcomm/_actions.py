@@ -30,14 +30,13 @@ from taskcomm._entropy import compiled
 
 
 @compiled
-def _place(frames, depth, a, bound):
-    """Give action a its lower bound and its place among the actions before it, lowest bound first."""
-    frames.table[depth, BOUND, a] = bound
+def _place(order, keys, a):
+    """Give action a its place among the actions before it, lowest key first."""
     at = a
-    while at > 0 and frames.table[depth, BOUND, frames.order[depth, at - 1]] > bound:
-        frames.order[depth, at] = frames.order[depth, at - 1]
+    while at > 0 and keys[order[at - 1]] > keys[a]:
+        order[at] = order[at - 1]
         at -= 1
-    frames.order[depth, at] = a
+    order[at] = a
 
 
 @compiled
@@ -61,7 +60,8 @@ def last_two(teacher, graph, rows, notes, frames, node, depth, total, gamma):
     most, room = second_gains(teacher, rows, whole[depth, START], whole[depth, STOP])
     for a in range(actions):
         exact[depth, a], expected = False, table[depth, EXPECTED, a]
-        _place(frames, depth, a, expected + gamma * max(0.0, expected - most))
+        table[depth, BOUND, a] = expected + gamma * max(0.0, expected - most)
+        _place(frames.order[depth], table[depth, BOUND], a)
     for at in range(actions):
         a = frames.order[depth, at]
         cutoff = min(least + real[depth, SLACK], real[depth, CUTOFF])
@@ -98,10 +98,12 @@ def bounds_on(teacher, graph, rows, notes, frames, node, depth, steps, total, ga
     The first step is exact, the second for the branch without a press; later ones are bounded by `gain`.
     """
     table = frames.table
+    keys = frames.before if depth == 0 and frames.before[0] < np.inf else table[depth, BOUND]
     for a in range(graph.choices[node]):
         child, press = graph.successor[graph.first[node] + a], table[depth, PRESSES, a]
         show(teacher, graph, rows, notes, frames, child, depth)
         told = most_told(teacher, graph, notes, frames, SILENT, child, depth, total - press)
         table[depth, TOLD, a], frames.exact[depth, a] = told, False
         told += press * frames.gain[depth, 1, CAPACITY]
-        _place(frames, depth, a, least_of(frames, depth, a, told, steps, gamma))
+        table[depth, BOUND, a] = least_of(frames, depth, a, told, steps, gamma)
+        _place(frames.order[depth], keys, a)

@@ -98,7 +98,8 @@ class Frames(NamedTuple):
     `table[d]` has C after each action, the mass of its press branch, and Q or a lower bound on it: Q where
     `exact`. `order[d]` are the actions by that bound. `gain[d, k]` says what step k + 1 can tell at most;
     `window` is room to find it. `real` and `whole` are what a frame remembers; the last row of `whole`
-    counts all frames.
+    counts all frames. `before` (actions,) is what a shorter look said of the first actions, if finite: the
+    least of it is searched first.
     """
 
     table: Floats
@@ -108,3 +109,4 @@ class Frames(NamedTuple):
     window: Ints
     real: Floats
     whole: Ints
+    before: Floats

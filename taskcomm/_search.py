@@ -175,11 +175,10 @@ def _next(teacher, graph, path, rows, notes, frames, depth, gamma):
     limit = min(real[depth, LEAST] + real[depth, SLACK], real[depth, CUTOFF])
     while whole[depth, AT] < actions:
         action = frames.order[depth, whole[depth, AT]]
-        if table[depth, BOUND, action] >= limit:
-            break
-        outcome = _descend(teacher, graph, path, rows, notes, frames, depth, action, limit, gamma)
-        if outcome != RULED_OUT:
-            return outcome
+        if table[depth, BOUND, action] < limit:
+            outcome = _descend(teacher, graph, path, rows, notes, frames, depth, action, limit, gamma)
+            if outcome != RULED_OUT:
+                return outcome
         whole[depth, AT] += 1
     return RULED_OUT
 

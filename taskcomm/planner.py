@@ -4,7 +4,7 @@ import gc
 import math
 import time
 import warnings
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, field, replace
@@ -175,9 +175,9 @@ class EntropyPlanner:
             until = started + (1.0 - _IN_HAND) * (math.inf if deadline is None else deadline)
             looked: list[Looked] = []
             done = None
-            for horizon in [self.horizon] if deadline is None else range(1, self.horizon + 1):
+            for horizon in self._horizons(deadline):
                 end = math.inf if horizon == 1 else until
-                search, ended = self._searched(belief, state, horizon, slack, end)
+                search, ended = self._searched(belief, state, horizon, slack, end, done)
                 if search is not None:
                     looked.append(_looked(search))
                 if not ended:
@@ -185,6 +185,12 @@ class EntropyPlanner:
                 done = search
             assert done is not None  # the first horizon has no deadline
             return self._decision(done, looked, belief, state, started)
+
+    def _horizons(self, deadline: float | None) -> Sequence[int]:
+        """The looks taken: each says of the next which action to search first."""
+        if deadline is not None:
+            return range(1, self.horizon + 1)
+        return [self.horizon] if self.horizon < 6 else [self.horizon - 2, self.horizon]
 
     def _decision(
         self, search: Search | Branched, looked: list[Looked], belief: Belief, state: Hashable, started: float
@@ -229,17 +235,24 @@ class EntropyPlanner:
         return shorter.plan(belief, state)
 
     def _searched(
-        self, belief: Belief, state: Hashable, horizon: int, slack: float, until: float
+        self,
+        belief: Belief,
+        state: Hashable,
+        horizon: int,
+        slack: float,
+        until: float,
+        before: Search | Branched | None,
     ) -> tuple[Search | Branched | None, bool]:
         """The search and whether it ended; none where `until` came before it began."""
         if self._tree is not None:
             branched = self._tree.search(belief, state, horizon, self.gamma, until)
             return branched, branched is not None
+        known = None if before is None else before.bound
         root = self._graph.grow(state, horizon, until)
         if root is None or time.perf_counter() >= until:
             return None, False
         while True:
-            search = Search(belief, self._graph, root, horizon, slack, self.gamma, self._capacity)
+            search = Search(belief, self._graph, root, horizon, slack, self.gamma, self._capacity, known)
             ended = search.run(until)
             if search.fits:
                 return search, ended

@@ -21,7 +21,8 @@ class Search:
     After `run`: `bound` (actions,) is Q_horizon where `exact` (actions,), else a lower bound on it, and
     `at_most` an upper bound; `expected` (actions,) is C after the first step, and `told` (horizon,) the most
     that each step can tell, in nats, for horizons of three steps and more; `nodes` counts the nodes visited;
-    `fits` is False where `capacity` rows were too few. The graph must have been grown to `horizon`.
+    `fits` is False where `capacity` rows were too few. The graph must have been grown to `horizon`. `before`
+    (actions,) is the `bound` of a search less far, if there is one: what it took for the best comes first.
     """
 
     def __init__(
@@ -33,6 +34,7 @@ class Search:
         slack: float,
         gamma: float,
         capacity: int,
+        before: Floats | None = None,
     ) -> None:
         from taskcomm import _search  # numba is loaded, and the kernel compiled, only when it is needed
 
@@ -50,6 +52,8 @@ class Search:
         path, notes = _path(belief, root, horizon), _notes(belief, graph, horizon)
         self._arguments = teacher, world, path, rows, notes, frames, *start
         count = int(graph.count[root])
+        if before is not None:
+            frames.before[:count] = before
         self.exact: Bools = frames.exact[0, :count]
         self.bound: Floats = frames.table[0, _arrays.BOUND, :count]
         self.expected: Floats = frames.table[0, _arrays.EXPECTED, :count]
@@ -129,4 +133,5 @@ def _frames(belief: Belief, graph: WorldGraph, horizon: int) -> Frames:
         window=np.zeros(belief.seen.shape[0] + horizon, dtype=np.int64),
         real=np.zeros((horizon, 8)),
         whole=np.zeros((horizon + 1, 8), dtype=np.int64),
+        before=np.full(graph.most, np.inf),
     )
