@@ -13,8 +13,10 @@ _HOME = {
     "BallState": "taskcomm.world",
     "BallWorld": "taskcomm.world",
     "Belief": "taskcomm.belief",
-    "Decision": "taskcomm.planner",
+    "Certificate": "taskcomm.certificate",
+    "Decision": "taskcomm.decision",
     "EntropyPlanner": "taskcomm.planner",
+    "Explanation": "taskcomm.explain",
     "Final": "taskcomm.robot",
     "ImpossibleObservation": "taskcomm.belief",
     "InvalidAction": "taskcomm.world",
@@ -41,15 +43,17 @@ __all__ = [*sorted(_HOME)]
 if TYPE_CHECKING:
     from taskcomm.belief import Belief as Belief
     from taskcomm.belief import ImpossibleObservation as ImpossibleObservation
+    from taskcomm.certificate import Certificate as Certificate
     from taskcomm.channels import NormalChannel as NormalChannel
     from taskcomm.channels import ObservationModel as ObservationModel
     from taskcomm.channels import PlainChannel as PlainChannel
     from taskcomm.channels import TargetChannel as TargetChannel
+    from taskcomm.decision import Decision as Decision
+    from taskcomm.explain import Explanation as Explanation
     from taskcomm.logs import LogError as LogError
     from taskcomm.logs import read_trials as read_trials
     from taskcomm.logs import write_trials as write_trials
     from taskcomm.operators import ScriptedOperator as ScriptedOperator
-    from taskcomm.planner import Decision as Decision
     from taskcomm.planner import EntropyPlanner as EntropyPlanner
     from taskcomm.robot import Final as Final
     from taskcomm.robot import Robot as Robot

@@ -7,74 +7,25 @@ import warnings
 from collections.abc import Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from numbers import Real
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from taskcomm.belief import Belief
 from taskcomm.branching import BranchingTree, default_horizon, looks_beyond_the_key
 from taskcomm.branching import Looked as Branched
-from taskcomm.certificate import Certificate, Floats, Looked, certificate, enclosed, most_told
-from taskcomm.explain import Explanation, explanation
-from taskcomm.searching import Search
+from taskcomm.certificate import Floats, Looked, certificate, enclosed, most_told
+from taskcomm.decision import TIE, Asked, Decision
+from taskcomm.searching import Search, row_bytes
 from taskcomm.teacher import TeacherModel
 from taskcomm.world import World
 from taskcomm.worldgraph import WorldGraph, no_collections
 
-TIE = 1e-9
 _SLACK = 2 * TIE
 _IN_HAND = 0.02  # share of a deadline for the last slice of a search and for what follows it
-GRAPH_MEMORY = 512 << 20  # bytes that a planner's graph of the world may take
-
-
-@dataclass(frozen=True)
-class Decision:
-    """What the planner chose, and what it knows of the other actions.
-
-    `values` are exact expected costs Q_h in nats, by action in canonical order: all of them with
-    `exact_values`, otherwise those that could not be ruled out early. `bounds` are lower bounds for
-    the rest, `upper_bounds` upper ones. `ties` are the actions within 1e-9 of the least. `gap` is how far
-    the next best action that is no tie lies above the least: exact where that action is in `values`, else
-    at least this; infinite where there is none. `horizon` is how many steps were looked ahead; the action
-    is proven to be the best at that horizon. `certificate` says how far from optimal it can be at the
-    planner's own horizon, where a deadline left it unfinished. `nodes` counts beliefs whose actions were
-    looked at; `seconds` is wall time.
-    """
-
-    action: Any
-    values: dict[Any, float]
-    bounds: dict[Any, float]
-    ties: tuple[Any, ...]
-    gap: float
-    horizon: int
-    nodes: int
-    upper_bounds: dict[Any, float] = field(default_factory=dict)
-    certificate: Certificate | None = None
-    seconds: float = field(default=0.0, compare=False)
-    asked: "_Asked | None" = field(default=None, repr=False, compare=False)
-
-    @property
-    def value(self) -> float:
-        """Q_h of the chosen action, in nats."""
-        return self.values[self.action]
-
-    def explain(self, depth: int | None = None) -> Explanation:
-        """Why this action: the contingent plan, followed for `depth` steps (None: to the horizon).
-
-        It plans anew at the up to 2^depth points that the steps may lead to. `print` it, or see
-        `Explanation`. Raises ValueError for a bad depth, a decision that no
-        planner made, or a model under which more than an exact key is observed.
-        """
-        if self.asked is None:
-            raise ValueError(f"this decision for {self.action} was made by no planner: it has no plan")
-        planner, belief, state = self.asked
-        if planner._tree is not None:
-            raise ValueError(
-                "explanations are of plans over an exact key; this model's teacher shows otherwise"
-            )
-        return explanation(self, belief, state, planner._best, planner.gamma, depth)
+GRAPH_MEMORY = 512 << 20  # bytes that a planner's graph of the world may take, and the rows of a search too
+FURTHEST = 100  # steps: a tree so deep is searched no more than begun
 
 
 class UnplannedChannel(UserWarning):
@@ -122,8 +73,8 @@ class EntropyPlanner:
         if not signals:
             planned = replace(model, observation=replace(model.observation, channels={}))
         horizon = default_horizon(planned) if horizon is None else horizon
-        if isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 1:
-            raise ValueError(f"horizon must be a whole number of steps from 1, not {horizon!r}")
+        if isinstance(horizon, bool) or not isinstance(horizon, int) or not 1 <= horizon <= FURTHEST:
+            raise ValueError(f"horizon must be a whole number of steps from 1 to {FURTHEST}, not {horizon!r}")
         if not (_is_number(gamma) and 0 < gamma <= 1):
             raise ValueError(f"gamma must lie in (0, 1], not {gamma!r}")
         if ties not in ("first", "random"):
@@ -137,8 +88,8 @@ class EntropyPlanner:
         self._tree = BranchingTree(world, planned) if looks_beyond_the_key(planned) else None
         parameters = model.parameters(world.cue_names)
         worth = parameters.peak * parameters.dt / parameters.rise
+        self._memory, self._capacity = memory, 1 << 14
         self._graph = WorldGraph(world, parameters.cue, worth, horizon, memory)
-        self._capacity = 1 << 14
 
     def reset(self, rng: np.random.Generator | None = None) -> None:
         """Take `rng` for random ties from now on."""
@@ -161,13 +112,16 @@ class EntropyPlanner:
 
         With a `deadline` (s from now), the decision at the longest horizon, up to the planner's, whose
         search ends by then; `Decision.horizon` says which, and the decision is exact at it. One step ahead is
-        always looked, and that takes no time to speak of. Raises ValueError where the belief is one over
-        other tasks or under another model, or the deadline is not positive, and MemoryError where the worlds
-        within the horizon do not fit into the planner's memory; a deadline looks less far then.
+        always looked, and that takes no time to speak of. Raises TypeError for what is no Belief, ValueError
+        for one over other tasks or under another model, or a deadline that is not positive, and MemoryError
+        where the worlds or beliefs within the horizon do not fit into the planner's memory; a deadline looks
+        less far then.
         """
         if deadline is not None and not (_is_number(deadline) and deadline > 0):
             raise ValueError(f"deadline must be a positive number of seconds, not {deadline!r}")
         started = time.perf_counter()
+        if not isinstance(belief, Belief):
+            raise TypeError(f"belief must be a taskcomm.Belief, not {belief!r}")
         if belief.model != self.model or not _same_tasks(belief.world, self.world):
             raise ValueError("the belief was made with another model or world than the planner")
         slack = np.inf if exact_values else _SLACK
@@ -214,7 +168,7 @@ class EntropyPlanner:
             nodes=search.nodes,
             certificate=certificate(actions, chosen, self.horizon, lower, upper, TIE),
             seconds=time.perf_counter() - started,
-            asked=_Asked(self, belief, state),
+            asked=Asked(self, belief, state),
         )
 
     def _enclosed(self, looked: list[Looked], belief: Belief, ended: bool) -> tuple[Floats, Floats]:
@@ -228,8 +182,13 @@ class EntropyPlanner:
             told = most_told(parameters.mistake, parameters.peak, float(belief.marginal().max()))
         return enclosed(looked, np.full(self.horizon, told), self.gamma)
 
-    def _best(self, belief: Belief, state: Hashable, horizon: int) -> Decision:
-        """The decision of this planner at another, shorter horizon, the first of the ties."""
+    @property
+    def over_key(self) -> bool:
+        """Whether an exact key is all that is planned over."""
+        return self._tree is None
+
+    def best(self, belief: Belief, state: Hashable, horizon: int) -> Decision:
+        """The decision at another, shorter horizon, the first of the ties: a step of a contingent plan."""
         shorter = copy(self)  # shares the graph
         shorter.horizon, shorter.ties = horizon, "first"
         return shorter.plan(belief, state)
@@ -256,7 +215,21 @@ class EntropyPlanner:
             ended = search.run(until)
             if search.fits:
                 return search, ended
-            self._capacity *= 4
+            if not self._grew(row_bytes(belief)):
+                if math.isinf(until):
+                    raise MemoryError(
+                        f"the beliefs {horizon} steps from one of {len(belief.task)} rows do not fit into"
+                        f" {self._memory} bytes: take a shorter horizon, a deadline, or more memory"
+                    )
+                return None, False
+
+    def _grew(self, each: int) -> bool:
+        """Make room for four times as many rows of `each` bytes, if that is within the memory."""
+        more = 4 * self._capacity
+        if more * each > self._memory:
+            return False
+        self._capacity = more
+        return True
 
 
 def _is_number(value: object) -> bool:
@@ -291,11 +264,3 @@ def _looked(search: Search | Branched) -> Looked:
     told = search.told if search.horizon > 2 else np.full(search.horizon, np.inf)  # it needs none before
     upper = np.where(search.exact, search.bound, search.at_most)
     return Looked(search.horizon, search.bound.copy(), upper, search.expected.copy(), told.copy())
-
-
-class _Asked(NamedTuple):
-    """What a decision was made of, for its explanation."""
-
-    planner: EntropyPlanner
-    belief: Belief
-    state: Hashable

@@ -98,6 +98,11 @@ def _path(belief: Belief, root: int, horizon: int) -> Path:
     return Path(past, np.full(horizon + 1, root))
 
 
+def row_bytes(belief: Belief) -> int:
+    """What one row of a search takes, in bytes."""
+    return sum(array.itemsize * array[0].size for array in _rows(belief, len(belief.task)))
+
+
 def _rows(belief: Belief, capacity: int) -> Rows:
     p, number = belief.parameters, len(belief.task)
     states, decays = len(p.peak), bool(np.isfinite(p.decay).any())

@@ -10,7 +10,8 @@ from oracles import full_tree
 from strategies import models, walks, worlds
 
 from taskcomm.belief import Belief
-from taskcomm.planner import TIE, Decision, EntropyPlanner
+from taskcomm.decision import TIE, Decision
+from taskcomm.planner import EntropyPlanner
 
 EXACT = 1e-9  # nats
 ROUNDING = 1e-12  # nats by which two ways to the same sum may differ

@@ -20,7 +20,8 @@ from trees import EXACT
 from taskcomm import searching
 from taskcomm.belief import Belief
 from taskcomm.certificate import Looked, certificate, enclosed, most_told
-from taskcomm.planner import TIE, Decision, EntropyPlanner
+from taskcomm.decision import TIE, Decision
+from taskcomm.planner import EntropyPlanner
 from taskcomm.teacher import TeacherModel
 from taskcomm.world import BallWorld
 

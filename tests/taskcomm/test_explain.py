@@ -14,7 +14,8 @@ from trees import situations
 
 from taskcomm.belief import Belief
 from taskcomm.contingency import PlannedStep
-from taskcomm.planner import TIE, EntropyPlanner
+from taskcomm.decision import TIE
+from taskcomm.planner import EntropyPlanner
 from taskcomm.teacher import TeacherModel
 from taskcomm.wording import percent, plan_in_words
 from taskcomm.world import Action, BallWorld

@@ -112,6 +112,19 @@ def test_rows_beyond_the_working_memory_are_made_room_for() -> None:
     assert small.plan(belief, state, exact_values=True) == wanted
 
 
+def test_rows_beyond_the_memory_are_one_clear_error_and_with_a_deadline_a_shorter_horizon() -> None:
+    belief, state = peaked(8)
+    small = EntropyPlanner(belief.world, belief.model, 5, memory=1 << 20)
+    small._capacity = 1
+    with pytest.raises(MemoryError, match=r"the beliefs 5 steps from .* do not fit into 1048576"):
+        small.plan(belief, state, exact_values=True)
+    decision = small.plan(belief, state, deadline=60.0)
+    assert 1 <= decision.horizon < 5
+    assert small.plan(belief, state, deadline=60.0).value == pytest.approx(
+        EntropyPlanner(belief.world, belief.model, decision.horizon).plan(belief, state).value, abs=1e-9
+    )
+
+
 def test_a_deadline_gives_the_longest_horizon_that_ends_by_then() -> None:
     world, model = BallWorld(), TeacherModel.intuitive()
     planner, belief, state = EntropyPlanner(world, model, 12), Belief.initial(world, model), world.start()
@@ -161,6 +174,7 @@ def test_random_ties_are_drawn_from_the_ties_by_the_seed() -> None:
     [
         ({"horizon": 0}, "horizon"),
         ({"horizon": 2.5}, "horizon"),
+        ({"horizon": 101}, "horizon must be a whole number of steps from 1 to 100, not 101"),
         ({"gamma": 0.0}, "gamma"),
         ({"gamma": 1.1}, "gamma"),
         ({"gamma": float("nan")}, "gamma"),
@@ -190,3 +204,5 @@ def test_unknown_cues_and_foreign_beliefs_are_refused() -> None:
     for other in (BallWorld(2, 2), BallWorld(2, 12)):  # the latter has as many tasks
         with pytest.raises(ValueError, match="another model or world"):
             EntropyPlanner(world, model).plan(Belief.initial(other, model), world.start())
+    with pytest.raises(TypeError, match=r"belief must be a taskcomm\.Belief, not None"):
+        EntropyPlanner(world, model).plan(None, world.start())  # type: ignore[arg-type]

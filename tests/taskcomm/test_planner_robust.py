@@ -9,7 +9,8 @@ from newprocess import run
 
 import taskcomm
 from taskcomm.belief import Belief
-from taskcomm.planner import Decision, EntropyPlanner
+from taskcomm.decision import Decision
+from taskcomm.planner import EntropyPlanner
 from taskcomm.teacher import TeacherModel
 from taskcomm.world import BallWorld
 
