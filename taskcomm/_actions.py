@@ -24,7 +24,7 @@ from taskcomm._arrays import (
     TOLD,
     WEIGHT,
 )
-from taskcomm._bounds import least_future, second_gains
+from taskcomm._bounds import least_future, second_capacity
 from taskcomm._channel import first_told, most_told, show
 from taskcomm._entropy import compiled
 
@@ -57,10 +57,10 @@ def last_two(teacher, graph, rows, notes, frames, node, depth, total, gamma):
     """Q_2 of every action at `node`, or a bound where it is no less than what counts; how many were found."""
     table, exact, real, whole = frames.table, frames.exact, frames.real, frames.whole
     actions, nodes, least = graph.choices[node], 0, np.inf
-    most, room = second_gains(teacher, rows, whole[depth, START], whole[depth, STOP])
+    room = second_capacity(teacher, rows, whole[depth, START], whole[depth, STOP])
     for a in range(actions):
         exact[depth, a], expected = False, table[depth, EXPECTED, a]
-        table[depth, BOUND, a] = expected + gamma * max(0.0, expected - most)
+        table[depth, BOUND, a] = expected + gamma * max(0.0, expected - room * total)
         _place(frames.order[depth], table[depth, BOUND], a)
     for at in range(actions):
         a = frames.order[depth, at]

@@ -140,47 +140,25 @@ def gains(teacher, graph, path, rows, frames, depth, start, stop, steps):
 
 
 @compiled
-def _second_top(teacher, rows, r):
-    """The highest P(press) of row r at the second step, whatever is shown.
+def second_capacity(teacher, rows, start, stop):
+    """The most that the second step can tell for a unit of any mass among the rows [start, stop).
 
     Where there is decay, a reset may raise P(M = m): its on-time begins anew.
     """
-    resets, top = 2 if rows.row.shape[1] > LEVEL + len(teacher.top) else 1, teacher.mu
-    for m in range(len(teacher.top)):
-        most = 0.0
-        for reset in range(resets):
-            most = max(
-                most,
-                max(rows.second[r, m, 0, 0, reset], rows.second[r, m, 0, 1, reset]),
-                max(rows.second[r, m, 1, 0, reset], rows.second[r, m, 1, 1, reset]),
-            )
-        top += most
-    return top
-
-
-@compiled
-def second_gains(teacher, rows, start, stop):
-    """The most that the second step can tell: all the rows [start, stop), and a unit of any mass of them.
-
-    As `gains` has it, from what the rows' approvals can be then (`second`).
-    """
-    best, total = _best_task(rows, start, stop)
-    task, top, r = rows.task[best], teacher.mu, best
-    while r < stop and rows.task[r] == task:
-        top = max(top, _second_top(teacher, rows, r))
-        r += 1
-    apart, highest, above, others = divergence(teacher.mu, top), teacher.mu, 0.0, 0.0
-    ceiling = teacher.mu + teacher.top[:, PEAK].sum()
-    slope = divergence(ceiling, teacher.mu) / (ceiling - teacher.mu) if ceiling > teacher.mu else 0.0
+    highest, resets = teacher.mu, 2 if rows.row.shape[1] > LEVEL + len(teacher.top) else 1
     for r in range(start, stop):
-        weight, top = rows.row[r, WEIGHT], _second_top(teacher, rows, r)
-        highest, above = max(highest, top), above + weight * (top - teacher.mu)
-        if rows.task[r] != task:
-            others += weight * max(apart, slope * (top - teacher.mu))
-    if highest <= teacher.mu or total <= 0.0:
-        return 0.0, 0.0
-    share = above / ((highest - teacher.mu) * total)
-    return min(others, total * two_points(teacher, highest, share)), two_points(teacher, highest, 1.0)
+        top = teacher.mu
+        for m in range(len(teacher.top)):
+            most = 0.0
+            for reset in range(resets):
+                most = max(
+                    most,
+                    max(rows.second[r, m, 0, 0, reset], rows.second[r, m, 0, 1, reset]),
+                    max(rows.second[r, m, 1, 0, reset], rows.second[r, m, 1, 1, reset]),
+                )
+            top += most
+        highest = max(highest, top)
+    return two_points(teacher, highest, 1.0) if highest > teacher.mu else 0.0
 
 
 @compiled
