@@ -49,7 +49,7 @@ from taskcomm._arrays import (
     WEIGHT,
     YES,
 )
-from taskcomm._entropy import compiled, fused, log, lowest, xlogx
+from taskcomm._entropy import called, compiled, fused, log, lowest, xlogx
 from taskcomm._rows import seen
 
 
@@ -195,7 +195,7 @@ def _told(mass, press, apart):
     return xlogx(mass) - xlogx(press) - xlogx(mass - press) - apart
 
 
-@fused
+@called
 def most_told(teacher, graph, notes, frames, branch, node, depth, mass):
     """The most that a step from `node` tells after one that showed `shown`; `branch` is 1 after a press.
 

@@ -20,6 +20,8 @@ SEARCH = "the planner's search"
 compiled = kernel(__name__, SEARCH, error_model="numpy", forceinline=True, _nrt=False)
 # Where only sums and entropies are found, a product and a sum may be rounded once.
 fused = kernel(__name__, SEARCH, error_model="numpy", forceinline=True, _nrt=False, fastmath={"contract"})
+# So too what does enough to be worth a call, and is called from several places.
+called = kernel(__name__, SEARCH, error_model="numpy", _nrt=False, fastmath={"contract"})
 
 _MIDDLES = 1.0 + (np.arange(256) + 0.5) / 256
 _TABLE = np.column_stack([1.0 / _MIDDLES, np.log(_MIDDLES)])
