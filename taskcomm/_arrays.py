@@ -95,8 +95,9 @@ class Notes(NamedTuple):
 class Frames(NamedTuple):
     """The stack of the search, by depth.
 
-    `table[d]` has C after each action, the mass of its press branch, and Q or a lower bound on it: Q where
-    `exact`. `order[d]` are the actions by that bound. `gain[d, k]` says what step k + 1 can tell at most;
+    `table[d]` has C after each action, the mass of its press branch, Q or a lower bound on it (Q where
+    `exact`), and the most that the second step tells if the first has no press. `order[d]` are the actions
+    by that bound, at first by `before`. `gain[d, k]` says what step k + 1 can tell at most;
     `window` is room to find it. `real` and `whole` are what a frame remembers; the last row of `whole`
     counts all frames. `before` (actions,) is what a shorter look said of the first actions, if finite: the
     least of it is searched first.

@@ -49,7 +49,7 @@ from taskcomm._arrays import (
     WEIGHT,
     YES,
 )
-from taskcomm._entropy import called, compiled, fused, log, lowest, xlogx
+from taskcomm._entropy import called, compiled, fused, log, xlogx
 from taskcomm._rows import seen
 
 
@@ -187,6 +187,13 @@ def _then(teacher, notes, branch, depth, g, stamp, then):
         )
         notes.kept[branch, g, slot, KEY] = np.int64(key).view(np.float64)
     return slot
+
+
+@compiled
+def lowest(bits):
+    """The number of the lowest bit that is set."""
+    low = bits & (~bits + np.uint64(1))
+    return (np.float64(low).view(np.int64) >> 52) - 1023  # the exponent of a power of 2
 
 
 @fused

@@ -78,7 +78,7 @@ def look_ahead(teacher, graph, path, rows, depth, start, stop, resting):
 
 @compiled
 def silent_branch(teacher, graph, rows, node, start, stop):
-    """Append the rows after the step to `node` without a press, as many as the parent's; `own` apart."""
+    """Put the rows after the step to `node` without a press, as many as now, from `stop` on; `own` apart."""
     states = rows.ahead.shape[1]
     decays = rows.row.shape[1] > LEVEL + states
     for r in range(start, stop):
@@ -94,7 +94,7 @@ def silent_branch(teacher, graph, rows, node, start, stop):
 
 @compiled
 def press_branch(teacher, graph, rows, node, start, stop):
-    """Append the rows after the step to `node` with a press, `own` apart; where they end.
+    """Put the rows after the step to `node` with a press from `stop` on, `own` apart; where they end.
 
     One row becomes one for a mistake and one for each reset that is possible.
     """

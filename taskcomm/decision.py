@@ -40,7 +40,7 @@ class Decision:
     at least this; infinite where there is none. `horizon` is how many steps were looked ahead; the action
     is proven to be the best at that horizon. `certificate` says how far from optimal it can be at the
     planner's own horizon, where a deadline left it unfinished. `nodes` counts beliefs whose actions were
-    looked at; `seconds` is wall time.
+    looked at in the last look; `seconds` is wall time.
     """
 
     action: Any

@@ -24,8 +24,9 @@ from taskcomm.worldgraph import WorldGraph, no_collections
 
 _SLACK = 2 * TIE
 _IN_HAND = 0.02  # share of a deadline for the last slice of a search and for what follows it
-GRAPH_MEMORY = 512 << 20  # bytes that a planner's graph of the world may take, and the rows of a search too
-FURTHEST = 100  # steps: a tree so deep is searched no more than begun
+MEMORY = 512 << 20  # bytes that a planner's graph of the world may take, and as many the rows of a search
+ROWS = 1 << 14  # that a search may have whatever the memory
+MOST_STEPS = 100
 
 
 class UnplannedChannel(UserWarning):
@@ -33,15 +34,19 @@ class UnplannedChannel(UserWarning):
 
 
 class EntropyPlanner:
-    """Exact closed-loop look-ahead over `horizon` steps (None: 5; 4 for a key that errs, 3 with signals).
+    """Exact closed-loop look-ahead over `horizon` steps, 1 to 100.
+
+    Where it is None: 5 steps; 4 for a key that errs, 3 with signals.
 
         Q_h(b, w, a) = sum_o P(o | b, a) (C(b_ao) + gamma min_a' Q_{h-1}(b_ao, w_a, a')),  Q_0 = 0
 
     with C the entropy of the marginal over tasks. `ties` is "first" (in canonical order) or
     "random" (drawn with `seed`). A planner keeps only what it has seen of the world, the nearest of it where
-    that is more than `memory` bytes; it may be used for any number of beliefs and trials, from one thread at
-    a time. Where the model's key errs or it has channels of signals, the tree branches over all that may be
-    observed (`taskcomm.branching`), which takes much longer; a continuous channel is left aside, with an
+    that is more than `memory` bytes; the beliefs of one search may take as much again. It may be used for any
+    number of beliefs and trials, from one thread at a time.
+
+    Where the model's key errs or it has channels of signals, the tree branches over all that may be observed
+    (`taskcomm.branching`), which takes much longer; a continuous channel is left aside, with an
     UnplannedChannel warning. With `signals=False` all channels are: the planner looks ahead over the key
     alone, further in the same time, under beliefs that know the signals all the same.
 
@@ -66,15 +71,17 @@ class EntropyPlanner:
         gamma: float = 1.0,
         ties: str = "first",
         seed: int | None = None,
-        memory: int = GRAPH_MEMORY,
+        memory: int = MEMORY,
         signals: bool = True,
     ) -> None:
         planned = model
         if not signals:
             planned = replace(model, observation=replace(model.observation, channels={}))
         horizon = default_horizon(planned) if horizon is None else horizon
-        if isinstance(horizon, bool) or not isinstance(horizon, int) or not 1 <= horizon <= FURTHEST:
-            raise ValueError(f"horizon must be a whole number of steps from 1 to {FURTHEST}, not {horizon!r}")
+        if isinstance(horizon, bool) or not isinstance(horizon, int) or not 1 <= horizon <= MOST_STEPS:
+            raise ValueError(
+                f"horizon must be a whole number of steps from 1 to {MOST_STEPS}, not {horizon!r}"
+            )
         if not (_is_number(gamma) and 0 < gamma <= 1):
             raise ValueError(f"gamma must lie in (0, 1], not {gamma!r}")
         if ties not in ("first", "random"):
@@ -88,7 +95,7 @@ class EntropyPlanner:
         self._tree = BranchingTree(world, planned) if looks_beyond_the_key(planned) else None
         parameters = model.parameters(world.cue_names)
         worth = parameters.peak * parameters.dt / parameters.rise
-        self._memory, self._capacity = memory, 1 << 14
+        self._memory, self._capacity = memory, ROWS
         self._graph = WorldGraph(world, parameters.cue, worth, horizon, memory)
 
     def reset(self, rng: np.random.Generator | None = None) -> None:
@@ -129,7 +136,7 @@ class EntropyPlanner:
             until = started + (1.0 - _IN_HAND) * (math.inf if deadline is None else deadline)
             looked: list[Looked] = []
             done = None
-            for horizon in self._horizons(deadline):
+            for horizon in self._horizons(deadline, exact_values):
                 end = math.inf if horizon == 1 else until
                 search, ended = self._searched(belief, state, horizon, slack, end, done)
                 if search is not None:
@@ -140,11 +147,13 @@ class EntropyPlanner:
             assert done is not None  # the first horizon has no deadline
             return self._decision(done, looked, belief, state, started)
 
-    def _horizons(self, deadline: float | None) -> Sequence[int]:
+    def _horizons(self, deadline: float | None, exact_values: bool) -> Sequence[int]:
         """The looks taken: each says of the next which action to search first."""
         if deadline is not None:
             return range(1, self.horizon + 1)
-        return [self.horizon] if self.horizon < 6 else [self.horizon - 2, self.horizon]
+        if self.horizon < 6 or exact_values or self._tree is not None:
+            return [self.horizon]
+        return [self.horizon - 2, self.horizon]
 
     def _decision(
         self, search: Search | Branched, looked: list[Looked], belief: Belief, state: Hashable, started: float
@@ -191,7 +200,9 @@ class EntropyPlanner:
         """The decision at another, shorter horizon, the first of the ties: a step of a contingent plan."""
         shorter = copy(self)  # shares the graph
         shorter.horizon, shorter.ties = horizon, "first"
-        return shorter.plan(belief, state)
+        decision = shorter.plan(belief, state)
+        self._capacity = shorter._capacity
+        return decision
 
     def _searched(
         self,
@@ -210,26 +221,26 @@ class EntropyPlanner:
         root = self._graph.grow(state, horizon, until)
         if root is None or time.perf_counter() >= until:
             return None, False
-        while True:
-            search = Search(belief, self._graph, root, horizon, slack, self.gamma, self._capacity, known)
+        least = len(belief.task) * (len(belief.parameters.peak) + 2)  # its own, and a first step's
+        rows = self._capacity if self._capacity >= least else self._room(belief, least - 1, least)
+        while rows is not None:
+            search = Search(belief, self._graph, root, horizon, slack, self.gamma, rows, known)
             ended = search.run(until)
             if search.fits:
+                self._capacity = rows
                 return search, ended
-            if not self._grew(row_bytes(belief)):
-                if math.isinf(until):
-                    raise MemoryError(
-                        f"the beliefs {horizon} steps from one of {len(belief.task)} rows do not fit into"
-                        f" {self._memory} bytes: take a shorter horizon, a deadline, or more memory"
-                    )
-                return None, False
+            rows = self._room(belief, rows, 4 * rows)
+        if math.isinf(until):
+            raise MemoryError(
+                f"the beliefs {horizon} steps from one of {len(belief.task)} rows do not fit into"
+                f" {self._memory} bytes: take a shorter horizon, a deadline, or more memory"
+            )
+        return None, False
 
-    def _grew(self, each: int) -> bool:
-        """Make room for four times as many rows of `each` bytes, if that is within the memory."""
-        more = 4 * self._capacity
-        if more * each > self._memory:
-            return False
-        self._capacity = more
-        return True
+    def _room(self, belief: Belief, few: int, wanted: int) -> int | None:
+        """`wanted` rows or as many as there is room for; None where those are no more than `few`."""
+        most = max(ROWS, self._memory // row_bytes(belief))
+        return min(wanted, most) if most > few else None
 
 
 def _is_number(value: object) -> bool:

@@ -21,8 +21,9 @@ class Search:
     After `run`: `bound` (actions,) is Q_horizon where `exact` (actions,), else a lower bound on it, and
     `at_most` an upper bound; `expected` (actions,) is C after the first step, and `told` (horizon,) the most
     that each step can tell, in nats, for horizons of three steps and more; `nodes` counts the nodes visited;
-    `fits` is False where `capacity` rows were too few. The graph must have been grown to `horizon`. `before`
-    (actions,) is the `bound` of a search less far, if there is one: what it took for the best comes first.
+    `fits` is False where `capacity` rows (at least the belief's) were too few. The graph must have been grown
+    to `horizon`. `before` (actions,) is the `bound` of a search less far, if there is one: what it took for
+    the best comes first.
     """
 
     def __init__(
@@ -40,7 +41,7 @@ class Search:
 
         number = len(belief.task)
         teacher, frames = _teacher(belief), _frames(belief, graph, horizon)
-        rows = _rows(belief, max(capacity, number * (len(teacher.top) + 3)))
+        rows = _rows(belief, capacity)
         world = Graph(
             *(graph.first, graph.count, graph.successor, graph.pattern),
             *(graph.slot, graph.reach, graph.climb),

@@ -7,7 +7,8 @@ import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from taskcomm._entropy import divergence, h2, log, lowest, xlogx
+from taskcomm._channel import lowest
+from taskcomm._entropy import divergence, h2, log, xlogx
 
 
 @given(st.floats(sys.float_info.min, sys.float_info.max))

@@ -9,7 +9,7 @@ from trees import assert_equals_the_whole_tree, situations
 
 from taskcomm.belief import Belief
 from taskcomm.planner import EntropyPlanner
-from taskcomm.searching import Search
+from taskcomm.searching import Search, row_bytes
 from taskcomm.teacher import ModelError, TableTop, TeacherModel
 from taskcomm.world import Action, BallWorld
 
@@ -112,17 +112,60 @@ def test_rows_beyond_the_working_memory_are_made_room_for() -> None:
     assert small.plan(belief, state, exact_values=True) == wanted
 
 
-def test_rows_beyond_the_memory_are_one_clear_error_and_with_a_deadline_a_shorter_horizon() -> None:
+def test_rows_beyond_the_memory_are_one_clear_error_and_with_a_deadline_a_shorter_horizon(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("taskcomm.planner.ROWS", 1)
     belief, state = peaked(8)
     small = EntropyPlanner(belief.world, belief.model, 5, memory=1 << 20)
-    small._capacity = 1
     with pytest.raises(MemoryError, match=r"the beliefs 5 steps from .* do not fit into 1048576"):
         small.plan(belief, state, exact_values=True)
     decision = small.plan(belief, state, deadline=60.0)
     assert 1 <= decision.horizon < 5
-    assert small.plan(belief, state, deadline=60.0).value == pytest.approx(
-        EntropyPlanner(belief.world, belief.model, decision.horizon).plan(belief, state).value, abs=1e-9
-    )
+    whole = EntropyPlanner(belief.world, belief.model, decision.horizon).plan(belief, state)
+    assert decision.value == pytest.approx(whole.value, abs=1e-9)
+
+
+def test_what_just_fits_into_the_memory_is_searched(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("taskcomm.planner.ROWS", 1)
+    belief, state = peaked(4)
+    planner = EntropyPlanner(belief.world, belief.model, 4)
+    wanted = planner.plan(belief, state)
+    for short in range(1, 4000):  # the fewest rows with which it ends
+        root = planner._graph.grow(state, 4)
+        assert root is not None
+        search = Search(belief, planner._graph, root, 4, 2e-9, 1.0, len(belief.task) * 5 + short)
+        search.run()
+        if search.fits:
+            break
+    assert short > 1
+    memory = (len(belief.task) * 5 + short) * row_bytes(belief)
+    planner._memory, planner._capacity = memory, 1
+    assert planner.plan(belief, state) == wanted
+    planner._memory, planner._capacity = memory - 1, 1
+    with pytest.raises(MemoryError):
+        planner.plan(belief, state)
+
+
+def test_a_long_look_begins_with_what_a_shorter_one_took_for_the_best() -> None:
+    world, model = BallWorld(2, 1), TeacherModel.intuitive()
+    belief, state = Belief.initial(world, model), world.start()
+    for text in ("light_on(1)", "pick_up(1)", "light_on(2)"):
+        state = world.step(state, Action.parse(text))
+        belief = belief.update(state, False)
+    planner, tree = EntropyPlanner(world, model, 6), PlainTree(world, model, 6)
+    decision, values = planner.plan(belief, state), tree.values(belief, state)
+    assert decision.value == pytest.approx(min(values.values()), abs=1e-9)
+    root = planner._graph.grow(state, 6)
+    assert root is not None
+    nodes = {}
+    for best_first in (True, False):
+        before = np.array([value if best_first else -value for value in values.values()])
+        search = Search(belief, planner._graph, root, 6, 2e-9, 1.0, planner._capacity, before)
+        assert search.run()
+        assert search.bound.min() == pytest.approx(decision.value, abs=1e-12)
+        nodes[best_first] = search.nodes
+    assert nodes[True] < nodes[False]
 
 
 def test_a_deadline_gives_the_longest_horizon_that_ends_by_then() -> None:
@@ -148,9 +191,12 @@ def test_a_search_in_slices_is_the_search_in_one() -> None:
     whole = planner.plan(belief, state, exact_values=True)
     root = planner._graph.node(state)
     search = Search(belief, planner._graph, root, 5, np.inf, 1.0, planner._capacity)
-    slices = 1
+    values, slices = np.array(list(whole.values.values())), 1
     while search.fits and not search.run(until=0.0):
         slices += 1
+        assert (search.bound <= values + 1e-12).all()  # what stands there is right at any time
+        assert search.bound[search.exact] == pytest.approx(values[search.exact], abs=1e-12)
+        assert (search.at_most >= values - 1e-12).all()
     assert search.fits
     assert slices > 1
     assert list(search.bound) == list(whole.values.values())
