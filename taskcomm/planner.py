@@ -1,11 +1,9 @@
 """The planner: the action that minimises the sum of expected entropy (MODEL.md, section 6)."""
 
-import gc
 import math
 import time
 import warnings
-from collections.abc import Hashable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Hashable, Sequence
 from copy import copy
 from dataclasses import replace
 from numbers import Real
@@ -17,10 +15,11 @@ from taskcomm.branching import BranchingTree, default_horizon, looks_beyond_the_
 from taskcomm.branching import Looked as Branched
 from taskcomm.certificate import Floats, Looked, certificate, enclosed, most_told
 from taskcomm.decision import TIE, Asked, Decision
+from taskcomm.garbage import no_collections, undisturbed
 from taskcomm.searching import Search, row_bytes
 from taskcomm.teacher import TeacherModel
 from taskcomm.world import World
-from taskcomm.worldgraph import WorldGraph, no_collections
+from taskcomm.worldgraph import WorldGraph
 
 _SLACK = 2 * TIE
 _IN_HAND = 0.02  # share of a deadline for the last slice of a search and for what follows it
@@ -132,7 +131,7 @@ class EntropyPlanner:
         if belief.model != self.model or not _same_tasks(belief.world, self.world):
             raise ValueError("the belief was made with another model or world than the planner")
         slack = np.inf if exact_values else _SLACK
-        with no_collections() if deadline is None else _undisturbed():
+        with no_collections() if deadline is None else undisturbed():
             until = started + (1.0 - _IN_HAND) * (math.inf if deadline is None else deadline)
             looked: list[Looked] = []
             done = None
@@ -249,25 +248,6 @@ def _is_number(value: object) -> bool:
 
 def _same_tasks(one: World, other: World) -> bool:
     return one is other or list(one.tasks) == list(other.tasks)
-
-
-@contextmanager
-def _undisturbed() -> Iterator[None]:
-    """No garbage collection while a decision is made, nor because of it right after.
-
-    The worlds that a decision meets are no garbage, but it may take a collection a fifth of a time step
-    to find that out. So what is young is collected before, and what came since counts as old afterwards,
-    unlooked at, which takes no time; the next full collection looks at it.
-    """
-    if gc.isenabled():
-        gc.collect(1)
-    with no_collections():
-        try:
-            yield
-        finally:
-            if gc.get_freeze_count() == 0:
-                gc.freeze()
-                gc.unfreeze()
 
 
 def _looked(search: Search | Branched) -> Looked:

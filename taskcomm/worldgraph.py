@@ -1,16 +1,15 @@
 """World states interned to numbers: successors, cue patterns and outlooks as arrays, bounded in memory."""
 
-import gc
 import math
 import time
-from collections.abc import Hashable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Hashable, Sequence
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskcomm.garbage import no_collections
 from taskcomm.world import World
 
 UNSEEN = -1  # distance of a node that was not reached
@@ -295,17 +294,3 @@ class WorldGraph:
         graph = self.first, self.count, self.depth, self.slot
         ends = kernels.cut(self.distance[:used], keep, *graph, *freed)
         return [numbers[:end] for numbers, end in zip(freed, ends, strict=True)]
-
-
-@contextmanager
-def no_collections() -> Iterator[None]:
-    """Pause the garbage collector: growing makes no garbage, and a full collection takes longer the more
-    states there are, more than a deadline can spare.
-    """
-    collects = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collects:
-            gc.enable()
