@@ -63,8 +63,8 @@ bench-planner-peers: $(READY)  ## pymdp and pomdp-py, in environments of their o
 bench-estep: $(READY)  ## the E-step against pomegranate and dynamax (in an environment of its own), the same answers
 	PYTHONPATH=tests $(BIN)/python -m benchmarks.estep
 
-study-horizons: $(READY)  ## does looking further help? hours, kept in horizons-results/; goes on where it stopped; ARGS="--minutes 60"
-	$(BIN)/python -m learn.horizons --out horizons-results $(ARGS)
+study-horizons: $(READY)  ## does looking further help? hours, kept in notebooks/results/horizons; goes on where it stopped; ARGS="--minutes 60"
+	$(BIN)/python -m learn.horizons --out notebooks/results/horizons $(ARGS)
 
 study-coverage: $(READY)  ## do 95% intervals hold the truth? half an hour, kept in notebooks/results/; goes on where it stopped
 	$(BIN)/python -m learn.coverage --out notebooks/results/coverage.csv $(ARGS)

@@ -1,6 +1,6 @@
 """Does looking further help? The same teaching trials with robots that look 1, 2, 3, ... steps ahead.
 
-    python -m learn.horizons --trials 200 --horizons 1,2,3,5,7,0.4s --out horizons-results
+    python -m learn.horizons --trials 200 --horizons 1,2,3,5,7,0.1s --out horizons-results
 
 Robots have the intuitive model or the one fitted to a simulated data set; teachers have that set's true
 model. Every trial is kept as soon as it is done: the same command goes on where it was stopped, and reports
@@ -154,7 +154,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--trials", type=int, default=200, help="trials of every robot; default 200")
     parser.add_argument(
         "--horizons",
-        default="1,2,3,5,7,0.4s",
+        default="1,2,3,5,7,0.1s",
         help="steps looked ahead; or, with an s, a deadline in seconds",
     )
     parser.add_argument("--models", default=f"intuitive,{LEARNED}", help="which of intuitive, learned")
