@@ -1,5 +1,7 @@
 """The planner equals the whole tree: every value, and the action chosen."""
 
+from typing import cast
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -250,5 +252,9 @@ def test_unknown_cues_and_foreign_beliefs_are_refused() -> None:
     for other in (BallWorld(2, 2), BallWorld(2, 12)):  # the latter has as many tasks
         with pytest.raises(ValueError, match="another model or world"):
             EntropyPlanner(world, model).plan(Belief.initial(other, model), world.start())
+
+
+def test_what_is_no_belief_is_named() -> None:
+    world, nothing = BallWorld(), cast(Belief, None)  # as from a script that nobody checked the types of
     with pytest.raises(TypeError, match=r"belief must be a taskcomm\.Belief, not None"):
-        EntropyPlanner(world, model).plan(None, world.start())  # type: ignore[arg-type]
+        EntropyPlanner(world, TeacherModel.intuitive()).plan(nothing, world.start())
