@@ -15,18 +15,16 @@ from taskcomm._arrays import (
     EXPECTED,
     GROUPS,
     INFORMATION,
-    PRESSED,
+    ON_PRESS,
     PRESSES,
-    SILENT,
+    SILENTLY,
     SLACK,
-    START,
-    STOP,
     TOLD,
-    WEIGHT,
 )
 from taskcomm._bounds import least_future, second_capacity
-from taskcomm._channel import first_told, most_told, show
+from taskcomm._channel import channels, refer, told_after, told_by
 from taskcomm._entropy import compiled
+from taskcomm._twins import compare
 
 
 @compiled
@@ -40,24 +38,24 @@ def _place(order, keys, a):
 
 
 @compiled
-def first_steps(teacher, graph, rows, notes, frames, node, depth):
-    """C after every action at `node` and the mass of its press branch, into table; the total mass."""
-    groups, cost, total = frames.whole[depth, GROUPS], frames.real[depth, COST], 0.0
-    for r in range(notes.begins[depth, 0], notes.begins[depth, groups]):
-        total += rows.row[r, WEIGHT]
+def first_steps(teacher, graph, histories, groups, frames, node, depth, total):
+    """C after every action at `node` and the mass of its press branch, into table."""
+    table, cost = frames.table[depth], frames.real[depth, COST]
+    channels(teacher, graph, histories, groups, frames, groups.history[depth], node, depth, 2)
     for a in range(graph.choices[node]):
-        show(teacher, graph, rows, notes, frames, graph.successor[graph.first[node] + a], depth)
-        told, frames.table[depth, PRESSES, a] = first_told(notes, depth, groups, total)
-        frames.table[depth, EXPECTED, a] = max(0.0, cost - told)
-    return total
+        press = groups.channel[2, a, 0]
+        table[PRESSES, a] = press
+        table[EXPECTED, a] = max(0.0, cost - max(0.0, told_by(total, press, groups.channel[2, a, 1])))
 
 
 @compiled
-def last_two(teacher, graph, rows, notes, frames, node, depth, total, gamma):
+def last_two(teacher, graph, path, histories, groups, frames, twins, node, depth, total, gamma):
     """Q_2 of every action at `node`, or a bound where it is no less than what counts; how many were found."""
-    table, exact, real, whole = frames.table, frames.exact, frames.real, frames.whole
-    actions, nodes, least = graph.choices[node], 0, np.inf
-    room = second_capacity(teacher, rows, whole[depth, START], whole[depth, STOP])
+    table, exact, real = frames.table, frames.exact, frames.real
+    actions, nodes, least, begun = graph.choices[node], 0, np.inf, False
+    place = compare(graph, twins, node)
+    refer(teacher, graph, path, histories, groups, frames, node, depth, SILENTLY)
+    room = second_capacity(teacher, histories, groups, depth, frames.whole[depth, GROUPS])
     for a in range(actions):
         exact[depth, a], expected = False, table[depth, EXPECTED, a]
         table[depth, BOUND, a] = expected + gamma * max(0.0, expected - room * total)
@@ -67,15 +65,20 @@ def last_two(teacher, graph, rows, notes, frames, node, depth, total, gamma):
         cutoff = min(least + real[depth, SLACK], real[depth, CUTOFF])
         if table[depth, BOUND, a] >= cutoff:
             break
-        child = graph.successor[graph.first[node] + a]
-        show(teacher, graph, rows, notes, frames, child, depth)
         expected, press = table[depth, EXPECTED, a], table[depth, PRESSES, a]
-        later = expected - most_told(teacher, graph, notes, frames, SILENT, child, depth, total - press)
+        later = expected - told_after(
+            teacher, graph, path, histories, groups, twins, place, node, a, depth, SILENTLY, total - press
+        )
         bound = expected + gamma * (later - room * press)
         table[depth, BOUND, a] = max(table[depth, BOUND, a], bound)
         nodes += 1
         if table[depth, BOUND, a] < cutoff:
-            later -= most_told(teacher, graph, notes, frames, PRESSED, child, depth, press)
+            if not begun:
+                refer(teacher, graph, path, histories, groups, frames, node, depth, ON_PRESS)
+                begun = True
+            later -= told_after(
+                teacher, graph, path, histories, groups, twins, place, node, a, depth, ON_PRESS, press
+            )
             table[depth, BOUND, a], exact[depth, a] = expected + gamma * later, True
             least = min(least, table[depth, BOUND, a])
             nodes += 1
@@ -92,17 +95,20 @@ def least_of(frames, depth, a, told, steps, gamma):
 
 
 @compiled
-def bounds_on(teacher, graph, rows, notes, frames, node, depth, steps, total, gamma):
+def bounds_on(teacher, graph, path, histories, groups, frames, twins, node, depth, steps, total, gamma):
     """Find lower bounds on Q of every action at `node`, and put the actions in their order.
 
     The first step is exact, the second for the branch without a press; later ones are bounded by `gain`.
     """
     table = frames.table
     keys = frames.before if depth == 0 and frames.before[0] < np.inf else table[depth, BOUND]
+    place = compare(graph, twins, node)
+    refer(teacher, graph, path, histories, groups, frames, node, depth, SILENTLY)
     for a in range(graph.choices[node]):
-        child, press = graph.successor[graph.first[node] + a], table[depth, PRESSES, a]
-        show(teacher, graph, rows, notes, frames, child, depth)
-        told = most_told(teacher, graph, notes, frames, SILENT, child, depth, total - press)
+        press = table[depth, PRESSES, a]
+        told = told_after(
+            teacher, graph, path, histories, groups, twins, place, node, a, depth, SILENTLY, total - press
+        )
         table[depth, TOLD, a], frames.exact[depth, a] = told, False
         told += press * frames.gain[depth, 1, CAPACITY]
         table[depth, BOUND, a] = least_of(frames, depth, a, told, steps, gamma)

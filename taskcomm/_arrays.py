@@ -1,10 +1,10 @@
 """The arrays that the compiled search works on, by what they are about.
 
-Numbers of tasks, world nodes, rows and depths of the search index them. Kernels change them in place, and
-make none: there is nothing to be counted or freed.
+Numbers of tasks, world nodes, histories, rows and depths of the search index them. Kernels change them in
+place, and make none: there is nothing to be counted or freed.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,23 +12,33 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-WEIGHT, OWN, LEVEL = range(3)  # columns of Rows.row: the levels begin at LEVEL, the on-times after them
+WEIGHT, LEVEL = range(2)  # columns of Histories.row: the levels begin at LEVEL, the on-times after them
 PEAK, UP, DOWN, FIRST_UP, FIRST_DOWN, FIRST, LAST, LATE, DECAY, HOLD = range(10)  # columns of Teacher.top
-SILENT, PRESSED, YES, NO, W_LN_W, NEXT = 0, 1, 2, 3, 4, 6  # columns of Notes.once
-LIKELY, APART, KEY, KEPT = range(4)  # columns of Notes.kept, and how many they are
-ONCE, TWICE = 8, 32  # patterns and pairs of patterns kept in Notes
+BEGIN, END, BEFORE, SHOWN, DEPTH, SINCE, TASK, BRANCH = range(8)  # columns of Histories.of
+MASS, M_LN_M, HIGHEST_SECOND, LIKELY = range(4)  # columns of Histories.has: LIKELY and what follows
+SILENTLY, ON_PRESS = range(2)  # branches
+STEP = np.dtype([
+    ("press", np.float64), ("apart", np.float64), ("shown", np.int32), ("next", np.int32),
+    ("silently", np.int32), ("on_press", np.int32),
+])  # fmt: skip
+USED_HISTORIES, USED_STEPS, USED_ROWS, FULL, KEPT_HISTORIES, KEPT_ROWS = range(6)  # of Histories.used
+SLOTS = 8  # steps of a history found at once, by the lowest bits of their patterns
 HIGHEST, OTHERS, BEST, INFORMATION, CAPACITY, REACHED, ALL = range(7)  # columns of Frames.gain
 EXPECTED, PRESSES, BOUND, TOLD = range(4)  # rows of Frames.table[depth]
 COST, CUTOFF, SLACK, LEAST, ROOM, LEAST_PRESS, PRESS, VALUE = range(8)  # columns of Frames.real
-START, STOP, STEPS, SINCE, AT, PHASE, GROUPS, STAMP = range(8)  # columns of Frames.whole
+STEPS, AT, PHASE, GROUPS = range(4)  # columns of Frames.whole
 
 
 class Teacher(NamedTuple):
-    """The model: `top[m]` is the table-top of approval m, `mu` P(mistake)."""
+    """The model: `top[m]` is the table-top of approval m, `mu` P(mistake).
+
+    It is `plain` where nothing is seen late and nothing decays.
+    """
 
     top: Floats
     mu: float
     rest_steps: int
+    plain: bool
 
 
 class Graph(NamedTuple):
@@ -52,44 +62,84 @@ class Path(NamedTuple):
     trail: Ints
 
 
-class Rows(NamedTuple):
-    """The measures on the path, one after the other.
-
-    `row[r]` is (weight, own, levels, on-times) and `task[r]` its task; rows of one task are adjacent, and the
-    first of them has the task's `own`. `ahead[r, m, shown]` is (level, P(M = m), on-time) after a step
-    that shows the cue or does not; `second[r, m, shown, then, reset]` P(M = m) in the step after it,
-    `then` whether that shows the cue, `reset` whether M was m in the first.
-    """
+class Given(NamedTuple):
+    """The belief: `task[r]`, and `row[r]`: (weight, levels, on-times); rows of one task are adjacent."""
 
     task: Ints
     row: Floats
-    ahead: Floats
-    second: Floats
 
 
-class Notes(NamedTuple):
-    """What the tasks of a belief do, worked out once.
+class Histories(NamedTuple):
+    """What a task may have seen and the teacher done since the root, and her memory then; see `_histories`.
 
-    Task number g of depth d is `tasks[d, g]` and has the rows from `begins[d, g]` to the next;
-    `group[d, task]` is g for the tasks whose bit is set in `heads[d]`. `shown[g]` is the pattern it sees now.
+    History h has the rows of (weight, levels, on-times) from `of[h, BEGIN]` to END, of the weight `has[h,
+    MASS]` together; it came of history BEFORE, DEPTH steps from the root, by a step that showed the pattern
+    SHOWN and was without or with a press (BRANCH), SINCE steps after the last press; tasks that begin as
+    TASK does share it. BEGIN is -1 while its rows are not needed. From has[h, LIKELY + 2 m] on stand the
+    weights of M = m in the next step, if that shows the cue of m not and if it does; M_LN_M is MASS times
+    its logarithm, HIGHEST_SECOND the most that P(press) can be two steps on, where there are rows.
+    `ahead[r, m, shown]` is (level, P(M = m), on-time) of row r a step on, whether that shows the cue or
+    not.
 
-    `once[d, g, pattern]` is (weight without a press, weight with one, all of it times s ln s and
-    (1 - s) ln(1 - s) for the share s of presses, w ln w of the weights without and with a press; then by
-    approval, by whether the second step shows its cue, and by branch: the weight of P(M = m) in the second
-    step). `kept[branch, g, pair of patterns]` is (weight of a press in the second step, weight times its
-    entropy, key). Both are found by the lowest bits of the patterns, and hold where `known` and the key, an
-    integer's bits, say so. `usual[g]` is what `kept` has for what the first action shows in the second step.
+    `step[s]` showed the pattern `shown`; `press` is the weight of a press, `apart` that of what the step
+    may observe times its logarithm, less that of the weight before. It leads to the histories `silently`
+    and `on_press`, 0 where they are not worked out. `edge[h, shown % SLOTS]` is the first of h's steps with
+    these bits, `next` the one after it, 0 for none. Number 0 of both stands for what there is no room for.
+    `owner[r]` is the history whose rows begin with r, `renamed` room to forget some; `used` says how much
+    of all this is.
     """
 
-    tasks: Ints
-    begins: Ints
+    edge: NDArray[np.int32]
+    of: Ints
+    has: Floats
+    row: Floats
+    ahead: Floats
+    step: NDArray[Any]
+    owner: NDArray[np.int32]
+    renamed: NDArray[np.int32]
+    used: Ints
+
+
+class Groups(NamedTuple):
+    """The tasks of the measures on the path, by depth: those of one group nothing to come tells apart.
+
+    Group g of depth d stands for tasks of the weights b at the root: `weight[d, g]` is sum b and `own[d, g]`
+    sum b ln b; task[d, g] is one of them, history[d, g] what they have behind them. `group[d, task]` is g for
+    the tasks whose bit is set in `heads[d]`. `step[g]` is the step of a group to the node looked at,
+    `after[g]` the history it has then.
+
+    Of a second step: `usual[branch, g]` is the history after the first action, `channel[branch, c]` the
+    (weight of a press, `apart`) of the step to successor c after it, and `owes[branch, g]` what c = 0 owes
+    to group g. `moved[g]` and `moved_owes[g]` are the same of a group that another action shows something
+    else. Row 2 of `channel` and of `owes` is for any other step.
+    """
+
+    task: Ints
+    history: Ints
+    weight: Floats
+    own: Floats
     group: Ints
     heads: NDArray[np.uint64]
-    shown: Ints
-    known: Ints
-    once: Floats
-    kept: Floats
-    usual: Floats
+    step: Ints
+    after: Ints
+    usual: Ints
+    channel: Floats
+    owes: Floats
+    moved: Ints
+    moved_owes: Floats
+
+
+class Twins(NamedTuple):
+    """Pairs of actions that show most tasks the same; see `_twins`.
+
+    Place p is about the actions at `node[p]`, -1 for none. `twin[p, a, e]` is the action that after the
+    first one does what e does after a, `apart[p, a, e]` has the bits of the tasks for which that does not
+    hold.
+    """
+
+    node: Ints
+    twin: NDArray[np.int16]
+    apart: NDArray[np.uint64]
 
 
 class Frames(NamedTuple):
@@ -98,9 +148,8 @@ class Frames(NamedTuple):
     `table[d]` has C after each action, the mass of its press branch, Q or a lower bound on it (Q where
     `exact`), and the most that the second step tells if the first has no press. `order[d]` are the actions
     by that bound, at first by `before`. `gain[d, k]` says what step k + 1 can tell at most;
-    `window` is room to find it. `real` and `whole` are what a frame remembers; the last row of `whole`
-    counts all frames. `before` (actions,) is what a shorter look said of the first actions, if finite: the
-    least of it is searched first.
+    `window` is room to find it. `real` and `whole` are what a frame remembers. `before` (actions,) is what a
+    shorter look said of the first actions, if finite: the least of it is searched first.
     """
 
     table: Floats

@@ -15,16 +15,20 @@ import numpy as np
 
 from taskcomm._arrays import (
     ALL,
+    BEGIN,
     BEST,
     CAPACITY,
     DOWN,
+    END,
     FIRST,
     FIRST_DOWN,
     FIRST_UP,
     HIGHEST,
+    HIGHEST_SECOND,
     INFORMATION,
     LATE,
     LEVEL,
+    MASS,
     OTHERS,
     PEAK,
     REACHED,
@@ -32,22 +36,22 @@ from taskcomm._arrays import (
     WEIGHT,
 )
 from taskcomm._entropy import compiled, divergence, h2
-from taskcomm._rows import seen
+from taskcomm._histories import seen
 
 
 @compiled
-def _highest(teacher, graph, path, rows, frames, before, r, steps, depth):
+def _highest(teacher, graph, histories, frames, node, task, before, r, steps, depth):
     """The highest P(press) of a row 1 to `steps` steps on, into gain[depth, :, REACHED].
 
     The lesser of two bounds: each level as if its cue were on wherever it may be (`reach`,
     those of the `before` steps still to be seen late first); all levels together by what one
     path through the world can add (`climb`), and what is seen late of the past.
     """
-    node, now, late = path.trail[depth], teacher.mu, 0.0
+    now, late = teacher.mu, 0.0
     for k in range(steps):
         frames.gain[depth, k, REACHED] = teacher.mu
     for m in range(len(teacher.top)):
-        level, bit, lag = rows.row[r, LEVEL + m], 1 << m, int(teacher.top[m, LATE])
+        level, bit, lag = histories.row[r, LEVEL + m], 1 << m, int(teacher.top[m, LATE])
         peak, up, down = teacher.top[m, PEAK], teacher.top[m, UP], teacher.top[m, DOWN]
         now += peak * level
         late += peak * (lag * (up + teacher.top[m, FIRST_UP]) + teacher.top[m, FIRST_UP])
@@ -62,7 +66,7 @@ def _highest(teacher, graph, path, rows, frames, before, r, steps, depth):
             frames.gain[depth, k, REACHED] += peak * level
     for k in range(steps):
         frames.gain[depth, k, REACHED] = min(
-            frames.gain[depth, k, REACHED], now + late + graph.climb[graph.slot[node, k + 1], rows.task[r]]
+            frames.gain[depth, k, REACHED], now + late + graph.climb[graph.slot[node, k + 1], task]
         )
 
 
@@ -76,88 +80,71 @@ def two_points(teacher, highest, share):
 
 
 @compiled
-def _best_task(rows, start, stop):
-    """Where the rows of the heaviest task begin, and the total weight."""
-    total, most, best, at = 0.0, -1.0, start, start
-    while at < stop:
-        begin, weight = at, 0.0
-        while at < stop and rows.task[at] == rows.task[begin]:
-            weight += rows.row[at, WEIGHT]
-            at += 1
-        total += weight
+def _heaviest(histories, groups, depth, number):
+    """The group of the greatest weight."""
+    most, best = -1.0, 0
+    for g in range(number):
+        weight = groups.weight[depth, g] * histories.has[groups.history[depth, g], MASS]
         if weight > most:
-            most, best = weight, begin
-    return best, total
+            most, best = weight, g
+    return best
 
 
 @compiled
-def gains(teacher, graph, path, rows, frames, depth, start, stop, steps):
-    """The most that each of the next `steps` steps can tell, in nats, for the rows [start, stop).
-
-    gain[:, INFORMATION] is for these rows, gain[:, CAPACITY] for a unit of any mass among them.
-    """
+def _reached(teacher, graph, path, histories, groups, frames, depth, g, steps, others):
+    """Take the rows of group g into the gains; `others` where it is not the heaviest."""
     node, before = path.trail[depth], len(path.past) - 1
+    task, history, weight = groups.task[depth, g], groups.history[depth, g], groups.weight[depth, g]
     ceiling = teacher.mu + teacher.top[:, PEAK].sum()
     slope = divergence(ceiling, teacher.mu) / (ceiling - teacher.mu) if ceiling > teacher.mu else 0.0
-    best, total = _best_task(rows, start, stop)
+    for k in range(before):
+        frames.window[k] = seen(path, histories, history, depth + 1 + k - before)
     for k in range(steps):
-        frames.gain[depth, k, HIGHEST] = teacher.mu
-        frames.gain[depth, k, ALL] = frames.gain[depth, k, OTHERS] = frames.gain[depth, k, BEST] = 0.0
-    for others in range(2):  # the best task comes first: the others' bound needs it
-        r = start if others else best
-        while r < stop and (others or rows.task[r] == rows.task[best]):
-            if others and rows.task[r] == rows.task[best]:
-                r += 1
-                continue
-            if r in (start, best) or rows.task[r] != rows.task[r - 1]:
-                for k in range(before):
-                    frames.window[k] = seen(graph, path, depth + 1 + k - before, rows.task[r])
-                for k in range(steps):
-                    frames.window[before + k] = graph.reach[graph.slot[node, k + 1], rows.task[r]]
-            _highest(teacher, graph, path, rows, frames, before, r, steps, depth)
-            for k in range(steps):
-                above = frames.gain[depth, k, REACHED] - teacher.mu
-                frames.gain[depth, k, ALL] += rows.row[r, WEIGHT] * above
-                frames.gain[depth, k, HIGHEST] = max(
-                    frames.gain[depth, k, HIGHEST], frames.gain[depth, k, REACHED]
-                )
-                if others:
-                    frames.gain[depth, k, OTHERS] += rows.row[r, WEIGHT] * max(
-                        frames.gain[depth, k, BEST], slope * above
-                    )
-            r += 1
+        frames.window[before + k] = graph.reach[graph.slot[node, k + 1], task]
+    gain = frames.gain[depth]
+    for r in range(histories.of[history, BEGIN], histories.of[history, END]):
+        _highest(teacher, graph, histories, frames, node, task, before, r, steps, depth)
+        heavy = weight * histories.row[r, WEIGHT]
         for k in range(steps):
-            frames.gain[depth, k, BEST] = divergence(teacher.mu, frames.gain[depth, k, HIGHEST])
-    for k in range(steps):
-        highest = frames.gain[depth, k, HIGHEST]
-        frames.gain[depth, k, INFORMATION] = frames.gain[depth, k, CAPACITY] = 0.0
-        if highest > teacher.mu and total > 0.0:
-            share = frames.gain[depth, k, ALL] / ((highest - teacher.mu) * total)
-            frames.gain[depth, k, CAPACITY] = two_points(teacher, highest, 1.0)
-            frames.gain[depth, k, INFORMATION] = min(
-                total * two_points(teacher, highest, share), frames.gain[depth, k, OTHERS]
-            )
+            above = gain[k, REACHED] - teacher.mu
+            gain[k, ALL] += heavy * above
+            gain[k, HIGHEST] = max(gain[k, HIGHEST], gain[k, REACHED])
+            if others:
+                gain[k, OTHERS] += heavy * max(gain[k, BEST], slope * above)
 
 
 @compiled
-def second_capacity(teacher, rows, start, stop):
-    """The most that the second step can tell for a unit of any mass among the rows [start, stop).
+def gains(teacher, graph, path, histories, groups, frames, depth, number, total, steps):
+    """The most that each of the next `steps` steps can tell, in nats, for the groups at `depth`, `total` in
+    all.
 
-    Where there is decay, a reset may raise P(M = m): its on-time begins anew.
+    gain[:, INFORMATION] is for these groups, gain[:, CAPACITY] for a unit of any mass among them.
     """
-    highest, resets = teacher.mu, 2 if rows.row.shape[1] > LEVEL + len(teacher.top) else 1
-    for r in range(start, stop):
-        top = teacher.mu
-        for m in range(len(teacher.top)):
-            most = 0.0
-            for reset in range(resets):
-                most = max(
-                    most,
-                    max(rows.second[r, m, 0, 0, reset], rows.second[r, m, 0, 1, reset]),
-                    max(rows.second[r, m, 1, 0, reset], rows.second[r, m, 1, 1, reset]),
-                )
-            top += most
-        highest = max(highest, top)
+    gain, best = frames.gain[depth], _heaviest(histories, groups, depth, number)
+    for k in range(steps):
+        gain[k, HIGHEST] = teacher.mu
+        gain[k, ALL] = gain[k, OTHERS] = gain[k, BEST] = 0.0
+    _reached(teacher, graph, path, histories, groups, frames, depth, best, steps, False)
+    for k in range(steps):
+        gain[k, BEST] = divergence(teacher.mu, gain[k, HIGHEST])
+    for g in range(number):
+        if g != best:
+            _reached(teacher, graph, path, histories, groups, frames, depth, g, steps, True)
+    for k in range(steps):
+        highest = gain[k, HIGHEST]
+        gain[k, INFORMATION] = gain[k, CAPACITY] = 0.0
+        if highest > teacher.mu and total > 0.0:
+            share = gain[k, ALL] / ((highest - teacher.mu) * total)
+            gain[k, CAPACITY] = two_points(teacher, highest, 1.0)
+            gain[k, INFORMATION] = min(total * two_points(teacher, highest, share), gain[k, OTHERS])
+
+
+@compiled
+def second_capacity(teacher, histories, groups, depth, number):
+    """The most that the second step can tell for a unit of any mass among the groups at `depth`."""
+    highest = teacher.mu
+    for g in range(number):
+        highest = max(highest, histories.has[groups.history[depth, g], HIGHEST_SECOND])
     return two_points(teacher, highest, 1.0) if highest > teacher.mu else 0.0
 
 

@@ -16,7 +16,7 @@ from taskcomm.branching import Looked as Branched
 from taskcomm.certificate import Floats, Looked, certificate, enclosed, most_told
 from taskcomm.decision import TIE, Asked, Decision
 from taskcomm.garbage import no_collections, undisturbed
-from taskcomm.searching import Search, row_bytes
+from taskcomm.searching import Search, Workspace, row_bytes
 from taskcomm.teacher import TeacherModel
 from taskcomm.world import World
 from taskcomm.worldgraph import WorldGraph
@@ -24,7 +24,7 @@ from taskcomm.worldgraph import WorldGraph
 _SLACK = 2 * TIE
 _IN_HAND = 0.02  # share of a deadline for the last slice of a search and for what follows it
 MEMORY = 512 << 20  # bytes that a planner's graph of the world may take, and as many the rows of a search
-ROWS = 1 << 14  # that a search may have whatever the memory
+ROWS = 1 << 16  # that a search may have whatever the memory
 MOST_STEPS = 100
 
 
@@ -95,6 +95,7 @@ class EntropyPlanner:
         parameters = model.parameters(world.cue_names)
         worth = parameters.peak * parameters.dt / parameters.rise
         self._memory, self._capacity = memory, ROWS
+        self._workspace = Workspace()
         self._graph = WorldGraph(world, parameters.cue, worth, horizon, memory)
 
     def reset(self, rng: np.random.Generator | None = None) -> None:
@@ -223,7 +224,9 @@ class EntropyPlanner:
         least = len(belief.task) * (len(belief.parameters.peak) + 2)  # its own, and a first step's
         rows = self._capacity if self._capacity >= least else self._room(belief, least - 1, least)
         while rows is not None:
-            search = Search(belief, self._graph, root, horizon, slack, self.gamma, rows, known)
+            search = Search(
+                belief, self._graph, root, horizon, slack, self.gamma, rows, known, self._workspace
+            )
             ended = search.run(until)
             if search.fits:
                 self._capacity = rows

@@ -6,7 +6,7 @@ import time
 import numpy as np
 
 from taskcomm import _arrays
-from taskcomm._arrays import Frames, Graph, Notes, Path, Rows, Teacher
+from taskcomm._arrays import Frames, Given, Graph, Groups, Histories, Path, Teacher, Twins
 from taskcomm.belief import Belief
 from taskcomm.levels import Bools, Floats
 from taskcomm.worldgraph import WorldGraph
@@ -15,15 +15,53 @@ SLICE = 400  # nodes between two looks at the clock: about a millisecond
 UNBOUNDED = 1 << 62
 
 
+PLACES = 1 << 12  # of pairs of actions that are kept, at most
+
+
+class Workspace:
+    """What searches of one graph leave to the next: room for histories, and the twins of actions.
+
+    The twins take a sixteenth of the graph's memory at most.
+    """
+
+    def __init__(self) -> None:
+        self._histories: Histories | None = None
+        self._twins: Twins | None = None
+        self._age = 0
+
+    def histories(self, belief: Belief, rows: int) -> Histories:
+        """Room for `rows` rows; what is in it is of searches before."""
+        if self._histories is None or len(self._histories.row) != rows:
+            self._histories = _histories(belief, rows)
+        return self._histories
+
+    def twins(self, graph: WorldGraph) -> Twins:
+        """The twins that are known of the graph's nodes."""
+        if self._twins is None or self._twins.twin.shape[1] < graph.most:
+            most, words = graph.most, graph.changed.shape[1]
+            most_places = graph.memory // 16 // (most * most * (2 + 8 * words))
+            places = min(PLACES, 1 << max(0, most_places.bit_length() - 1))
+            self._twins = Twins(
+                node=np.full(places, -1),
+                twin=np.empty((places, most, most), dtype=np.int16),
+                apart=np.empty((places, most, most, words), dtype=np.uint64),
+            )
+        if self._age != graph.age:
+            self._twins.node[:] = -1
+            self._age = graph.age
+        return self._twins
+
+
 class Search:
     """The compiled search from a belief at a node of the world graph; see `_search.search`.
 
     After `run`: `bound` (actions,) is Q_horizon where `exact` (actions,), else a lower bound on it, and
-    `at_most` an upper bound; `expected` (actions,) is C after the first step, and `told` (horizon,) the most
-    that each step can tell, in nats, for horizons of three steps and more; `nodes` counts the nodes visited;
-    `fits` is False where `capacity` rows (at least the belief's) were too few. The graph must have been grown
-    to `horizon`. `before` (actions,) is the `bound` of a search less far, if there is one: what it took for
-    the best comes first.
+    `at_most` an upper bound; `expected` (actions,) is C after the first step, and `told` (horizon,) the
+    most that each step can tell, in nats, for horizons of three steps and more; `nodes` counts the nodes
+    visited; `fits` is False where `capacity` rows (at least the belief's) were too few. The graph must have
+    been grown to `horizon`. `before` (actions,) is the `bound` of a search less far, if there is one: what
+    it took for the best comes first. A `workspace` serves one search at a time: one that goes on after
+    another has begun in it is undefined.
     """
 
     def __init__(
@@ -36,22 +74,23 @@ class Search:
         gamma: float,
         capacity: int,
         before: Floats | None = None,
+        workspace: Workspace | None = None,
     ) -> None:
         from taskcomm import _search  # numba is loaded, and the kernel compiled, only when it is needed
 
-        number = len(belief.task)
         teacher, frames = _teacher(belief), _frames(belief, graph, horizon)
-        rows = _rows(belief, capacity)
         world = Graph(
             *(graph.first, graph.count, graph.successor, graph.pattern),
             *(graph.slot, graph.reach, graph.climb),
             *(graph.run, graph.changed),
         )
-        start = number, horizon, belief.since_press, belief.entropy(), slack, gamma
+        start = horizon, belief.since_press, belief.entropy(), slack, gamma
         self.horizon, self.nodes, self.fits = horizon, 0, True
         self._kernel, self._resume = _search.search, -1
-        path, notes = _path(belief, root, horizon), _notes(belief, graph, horizon)
-        self._arguments = teacher, world, path, rows, notes, frames, *start
+        path, given, groups = _path(belief, root, horizon), _given(belief), _groups(belief, graph, horizon)
+        workspace = workspace or Workspace()
+        kept = workspace.histories(belief, capacity), groups, frames, workspace.twins(graph)
+        self._arguments = teacher, world, path, given, *kept, *start
         count = int(graph.count[root])
         if before is not None:
             frames.before[:count] = before
@@ -87,7 +126,8 @@ def _teacher(belief: Belief) -> Teacher:
     last = p.dt - first
     speeds = [last / p.rise, last / p.fall, first / p.rise, first / p.fall]
     top = np.column_stack([p.peak, *speeds, first, last, p.steps_late, p.decay, p.hold])
-    return Teacher(top, p.mistake, p.rest_steps)
+    plain = not (p.steps_late.any() or p.part_late.any() or np.isfinite(p.decay).any())
+    return Teacher(top, p.mistake, p.rest_steps, bool(plain))
 
 
 def _path(belief: Belief, root: int, horizon: int) -> Path:
@@ -100,33 +140,52 @@ def _path(belief: Belief, root: int, horizon: int) -> Path:
 
 
 def row_bytes(belief: Belief) -> int:
-    """What one row of a search takes, in bytes."""
-    return sum(array.itemsize * array[0].size for array in _rows(belief, len(belief.task)))
+    """What one row of a search takes, in bytes, with its share of all else that is kept of histories."""
+    few = 64
+    return -(-sum(array.nbytes for array in _histories(belief, few)) // few)
 
 
-def _rows(belief: Belief, capacity: int) -> Rows:
-    p, number = belief.parameters, len(belief.task)
+def _given(belief: Belief) -> Given:
+    columns = [belief.weight[:, None], belief.level]
+    if np.isfinite(belief.parameters.decay).any():
+        columns.append(belief.on_time)
+    return Given(belief.task.astype(np.int64), np.ascontiguousarray(np.hstack(columns), dtype=np.float64))
+
+
+def _histories(belief: Belief, rows: int) -> Histories:
+    """Room for `rows` rows, half as many histories and as many steps."""
+    p = belief.parameters
     states, decays = len(p.peak), bool(np.isfinite(p.decay).any())
-    task, row = np.empty(capacity, dtype=np.int64), np.empty((capacity, 2 + states * (1 + decays)))
-    task[:number], row[:number, _arrays.WEIGHT] = belief.task, belief.weight
-    row[:number, _arrays.LEVEL : _arrays.LEVEL + states] = belief.level
-    if decays:
-        row[:number, _arrays.LEVEL + states :] = belief.on_time
-    return Rows(task, row, np.empty((capacity, states, 2, 3)), np.empty((capacity, states, 2, 2, 2)))
+    number = rows // 2 + 1
+    return Histories(
+        edge=np.empty((number, _arrays.SLOTS), dtype=np.int32),
+        of=np.empty((number, 8), dtype=np.int64),
+        has=np.empty((number, _arrays.LIKELY + 2 * states)),
+        row=np.empty((rows, 1 + states * (1 + decays))),
+        ahead=np.empty((rows, states, 2, 3)),
+        step=np.empty(rows, dtype=_arrays.STEP),
+        owner=np.empty(rows, dtype=np.int32),
+        renamed=np.empty(number, dtype=np.int32),
+        used=np.zeros(6, dtype=np.int64),
+    )
 
 
-def _notes(belief: Belief, graph: WorldGraph, horizon: int) -> Notes:
-    tasks, columns = len(belief.world.tasks), _arrays.NEXT + 4 * len(belief.parameters.peak)
-    return Notes(
-        tasks=np.empty((horizon, tasks), dtype=np.int64),
-        begins=np.empty((horizon, tasks + 1), dtype=np.int64),
+def _groups(belief: Belief, graph: WorldGraph, horizon: int) -> Groups:
+    tasks = len(belief.world.tasks)
+    return Groups(
+        task=np.empty((horizon, tasks), dtype=np.int64),
+        history=np.empty((horizon, tasks), dtype=np.int64),
+        weight=np.empty((horizon, tasks)),
+        own=np.empty((horizon, tasks)),
         group=np.empty((horizon, tasks), dtype=np.int64),
         heads=np.empty((horizon, graph.changed.shape[1]), dtype=np.uint64),
-        shown=np.empty(tasks, dtype=np.int64),
-        known=np.zeros((horizon, tasks, _arrays.ONCE), dtype=np.int64),
-        once=np.empty((horizon, tasks, _arrays.ONCE, columns)),
-        kept=np.zeros((2, tasks, _arrays.TWICE, _arrays.KEPT)),
-        usual=np.empty((tasks, 2)),
+        step=np.empty(tasks, dtype=np.int64),
+        after=np.empty(tasks, dtype=np.int64),
+        usual=np.empty((2, tasks), dtype=np.int64),
+        channel=np.empty((3, graph.most, 2)),
+        owes=np.empty((3, tasks, 2)),
+        moved=np.empty(tasks, dtype=np.int64),
+        moved_owes=np.empty((tasks, 2)),
     )
 
 
@@ -138,6 +197,6 @@ def _frames(belief: Belief, graph: WorldGraph, horizon: int) -> Frames:
         gain=np.zeros((horizon, horizon, 7)),
         window=np.zeros(belief.seen.shape[0] + horizon, dtype=np.int64),
         real=np.zeros((horizon, 8)),
-        whole=np.zeros((horizon + 1, 8), dtype=np.int64),
+        whole=np.zeros((horizon, 4), dtype=np.int64),
         before=np.full(graph.most, np.inf),
     )

@@ -133,15 +133,21 @@ def test_what_just_fits_into_the_memory_is_searched(monkeypatch: pytest.MonkeyPa
     belief, state = peaked(4)
     planner = EntropyPlanner(belief.world, belief.model, 4)
     wanted = planner.plan(belief, state)
-    for short in range(1, 4000):  # the fewest rows with which it ends
-        root = planner._graph.grow(state, 4)
-        assert root is not None
-        search = Search(belief, planner._graph, root, 4, 2e-9, 1.0, len(belief.task) * 5 + short)
+    root = planner._graph.grow(state, 4)
+    assert root is not None
+
+    def fits(rows: int) -> bool:
+        search = Search(belief, planner._graph, root, 4, 2e-9, 1.0, rows)
         search.run()
-        if search.fits:
-            break
-    assert short > 1
-    memory = (len(belief.task) * 5 + short) * row_bytes(belief)
+        return search.fits
+
+    few, enough = len(belief.task) * 5, 1 << 16
+    assert not fits(few)
+    assert fits(enough)
+    while enough - few > 1:  # the fewest rows with which it ends
+        middle = (few + enough) // 2
+        few, enough = (few, middle) if fits(middle) else (middle, enough)
+    memory = enough * row_bytes(belief)
     planner._memory, planner._capacity = memory, 1
     assert planner.plan(belief, state) == wanted
     planner._memory, planner._capacity = memory - 1, 1

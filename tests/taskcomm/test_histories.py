@@ -1,0 +1,198 @@
+"""What the search knows of a task along a history is what the belief knows; twins are as defined."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from decisions import Family, group
+from teachers import random_model, small_world, wide_world
+
+from taskcomm._arrays import (
+    BEGIN,
+    END,
+    GROUPS,
+    KEPT_HISTORIES,
+    LEVEL,
+    MASS,
+    ON_PRESS,
+    SILENTLY,
+    SLOTS,
+    USED_HISTORIES,
+    WEIGHT,
+)
+from taskcomm._histories import history_after, step_of
+from taskcomm._roots import crowded, forget, plant
+from taskcomm._twins import compare
+from taskcomm.belief import Belief
+from taskcomm.searching import Search
+from taskcomm.world import World
+from taskcomm.worldgraph import WorldGraph
+
+LONG = 9
+MANY = 30  # rows: of a belief with more no press is drawn, since each multiplies them
+
+
+class Walk:
+    """One task's history in the search and in the belief, side by side."""
+
+    def __init__(self, seed: int, world_of: Any) -> None:
+        self.rng = np.random.default_rng(seed)
+        self.world: World = world_of(self.rng)
+        model = random_model(self.rng, self.world)
+        task = int(self.rng.integers(len(self.world.tasks)))
+        prior = np.zeros(len(self.world.tasks))
+        prior[task] = 1.0
+        self.belief, self.state = Belief.initial(self.world, model, prior), self.world.start()
+        for _ in range(int(self.rng.integers(8))):
+            self.state = self._next()
+            pressed = len(self.belief.task) < MANY and bool(self.rng.random() < 0.4)
+            self.belief = self.belief.update(self.state, pressed)
+        p = self.belief.parameters
+        self.graph = WorldGraph(self.world, p.cue, p.peak * p.dt / p.rise, LONG)
+        root = self.graph.grow(self.state, 1)
+        assert root is not None
+        search = Search(self.belief, self.graph, root, LONG, 0.0, 1.0, 1 << 18)
+        self.teacher, _, self.path, given, self.histories, self.groups, *_ = search._arguments
+        assert (
+            plant(self.teacher, self.path, self.histories, self.groups, given, self.belief.since_press) == 1
+        )
+        self.task, self.h = task, int(self.groups.history[0, 0])
+
+    def _next(self) -> Any:
+        actions = self.world.actions(self.state)
+        return self.world.step(self.state, actions[int(self.rng.integers(len(actions)))])
+
+    def press(self, shown: int) -> float:
+        """P(press) of the step from here that shows a pattern."""
+        s = step_of(self.teacher, self.histories, self.h, shown)
+        return float(self.histories.step[s]["press"] / self.histories.has[self.h, MASS])
+
+    def go_on(self) -> None:
+        """A step, with a press or without, of both."""
+        self.state = self._next()
+        shown = int(self.graph.pattern[self.graph.node(self.state), self.task])
+        assert self.press(shown) == pytest.approx(self.belief.press_probability(self.state), rel=1e-9)
+        pressed = len(self.belief.task) < MANY and bool(self.rng.random() < 0.4)
+        s = step_of(self.teacher, self.histories, self.h, shown)
+        branch = ON_PRESS if pressed else SILENTLY
+        self.h = history_after(self.teacher, self.path, self.histories, self.h, s, branch)
+        assert self.h > 0
+        self.belief = self.belief.update(self.state, pressed)
+
+
+@pytest.mark.parametrize("world_of", [small_world, wide_world])
+def test_presses_along_a_history_are_as_likely_as_the_belief_says(world_of: Any) -> None:
+    for seed in range(40):
+        walk = Walk(seed, world_of)
+        for _ in range(5 if world_of is small_world else 3):
+            walk.go_on()
+
+
+def test_tasks_share_a_history_at_the_root_only_if_their_memories_are_the_same() -> None:
+    shared = 0
+    for seed in range(40):
+        of = group(Family(1, small_world, groups=1, beliefs=8, rows=300), seed)
+        for _, belief, state in of.situations:  # tasks of 1e-300 among them, whose rows say little
+            graph = WorldGraph(of.world, belief.parameters.cue, np.ones(len(belief.parameters.cue)), 1)
+            root = graph.grow(state, 1)
+            assert root is not None
+            arguments = Search(belief, graph, root, 1, 0.0, of.gamma, 1 << 12)._arguments
+            teacher, _, path, given, histories, groups, *_ = arguments
+            number = plant(teacher, path, histories, groups, given, belief.since_press)
+            shared += number - len(np.unique(groups.history[0, :number]))
+            for t, h in zip(groups.task[0, :number], groups.history[0, :number], strict=True):
+                rows = given.row[given.task == t]
+                own = histories.row[histories.of[h, BEGIN] : histories.of[h, END]]
+                assert (own[:, LEVEL:] == rows[:, LEVEL:]).all()
+                assert own[:, WEIGHT] == pytest.approx(rows[:, WEIGHT] / rows[:, WEIGHT].sum(), abs=1e-12)
+    assert shared > 100
+
+
+def test_a_step_is_worked_out_once_and_patterns_with_the_same_lowest_bits_are_told_apart() -> None:
+    walk = Walk(3, wide_world)
+    patterns = [0, 1, SLOTS, SLOTS + 1, 3 * SLOTS, 1 << 12, (1 << 12) + 1]
+    steps = [step_of(walk.teacher, walk.histories, walk.h, what) for what in patterns]
+    assert len(set(steps)) == len(steps)
+    assert [step_of(walk.teacher, walk.histories, walk.h, what) for what in patterns] == steps
+    assert walk.histories.step[steps]["shown"].tolist() == patterns
+
+
+def test_what_is_not_forgotten_goes_on_as_before() -> None:
+    for seed in range(20):
+        walk = Walk(seed, small_world)
+        for _ in range(4):
+            walk.go_on()
+        before = [walk.press(shown) for shown in range(4)]
+        walk.groups.history[0, 0] = walk.h
+        forget(walk.teacher, walk.path, walk.histories, walk.groups, np.array([1]), 0)
+        used = walk.histories.used
+        assert used[USED_HISTORIES] == used[KEPT_HISTORIES] == 1 + 5  # it, what it came of, and number 0
+        assert not crowded(walk.histories)
+        walk.h = int(walk.groups.history[0, 0])
+        assert [walk.press(shown) for shown in range(4)] == pytest.approx(before, rel=1e-12)
+        for _ in range(4):
+            walk.go_on()
+
+
+def test_tasks_that_are_not_apart_do_what_the_twins_do() -> None:
+    pairs = 0
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        world = small_world(rng)
+        model = random_model(rng, world)
+        belief = Belief.initial(world, model)
+        graph = WorldGraph(world, belief.parameters.cue, np.ones(len(belief.parameters.cue)), 3)
+        root = graph.grow(world.start(), 3)
+        assert root is not None
+        search = Search(belief, graph, root, 3, 0.0, 1.0, 1 << 10)
+        _, arrays, *_, twins = search._arguments[:8]
+        near = graph.successor[graph.first[root] : graph.first[root] + graph.count[root]]
+        for node in {root, *near.tolist()}:
+            pairs += assert_twins(graph, arrays, twins, node)
+    assert pairs > 1000
+
+
+def assert_twins(graph: WorldGraph, arrays: Any, twins: Any, node: int) -> int:
+    """The definition, pair by pair; how many pairs there are."""
+    at, pairs = compare(arrays, twins, node), 0
+    assert compare(arrays, twins, node) == at
+
+    def after(start: int, action: int) -> int:
+        return int(graph.successor[graph.first[start] + action])
+
+    for a in range(1, graph.count[node]):
+        for e in range(graph.count[after(node, a)]):
+            twin, bits, pairs = int(twins.twin[at, a, e]), twins.apart[at, a, e], pairs + 1
+            with_a = [graph.pattern[after(node, a)], graph.pattern[after(after(node, a), e)]]
+            plain = [graph.pattern[after(node, 0)], graph.pattern[after(after(node, 0), twin)]]
+            settled = graph.pattern[after(after(node, a), 0)], graph.pattern[after(after(node, 0), 0)]
+            for t in range(len(graph.world.tasks)):
+                if with_a[0][t] == plain[0][t]:
+                    alike = with_a[1][t] == plain[1][t]
+                else:
+                    alike = with_a[1][t] == settled[0][t] and plain[1][t] == settled[1][t]
+                assert (bits[t // 64] >> np.uint64(t % 64) & np.uint64(1) == 0) == alike
+    return pairs
+
+
+def test_a_search_with_so_little_room_that_it_must_forget_finds_the_same() -> None:
+    from taskcomm import BallWorld, EntropyPlanner, TeacherModel
+
+    world, model = BallWorld(), TeacherModel.intuitive()
+    belief, state = Belief.initial(world, model), world.start()
+    for number, action in enumerate(world.actions(state)[1:4]):
+        state = world.step(state, action)
+        belief = belief.update(state, number == 2)
+    wanted = EntropyPlanner(world, model, 4).plan(belief, state, exact_values=True)
+    planner = EntropyPlanner(world, model, 4)
+    root = planner._graph.grow(state, 4)
+    assert root is not None
+    forgot = 0
+    for rows in (300, 600, 1200, 2400):
+        search = Search(belief, planner._graph, root, 4, np.inf, 1.0, rows)
+        if search.run():
+            histories, frames = search._arguments[4], search._arguments[6]
+            forgot += int(histories.used[KEPT_HISTORIES] > 1)
+            assert search.bound == pytest.approx(list(wanted.values.values()), abs=1e-12)
+            assert frames.whole[0, GROUPS] > 1
+    assert forgot > 1
