@@ -22,9 +22,8 @@ from taskcomm._arrays import (
     TOLD,
 )
 from taskcomm._bounds import least_future, second_capacity
-from taskcomm._channel import channels, refer, told_after, told_by
+from taskcomm._channel import channels, go_on, show, told_by, told_next
 from taskcomm._entropy import compiled
-from taskcomm._twins import compare
 
 
 @compiled
@@ -41,20 +40,25 @@ def _place(order, keys, a):
 def first_steps(teacher, graph, histories, groups, frames, node, depth, total):
     """C after every action at `node` and the mass of its press branch, into table."""
     table, cost = frames.table[depth], frames.real[depth, COST]
-    channels(teacher, graph, histories, groups, frames, groups.history[depth], node, depth, 2)
+    channels(teacher, graph, histories, groups, frames, groups.history[depth], node, depth)
     for a in range(graph.choices[node]):
-        press = groups.channel[2, a, 0]
+        press = groups.channel[a, 0]
         table[PRESSES, a] = press
-        table[EXPECTED, a] = max(0.0, cost - max(0.0, told_by(total, press, groups.channel[2, a, 1])))
+        table[EXPECTED, a] = max(0.0, cost - max(0.0, told_by(total, press, groups.channel[a, 1])))
 
 
 @compiled
-def last_two(teacher, graph, path, histories, groups, frames, twins, node, depth, total, gamma):
+def second_told(teacher, graph, path, histories, groups, frames, branch, node, depth, mass):
+    """The most that a step from `node` tells after that to it, in the branch of the weight `mass`."""
+    go_on(teacher, path, histories, groups, frames, depth, branch)
+    return told_next(teacher, graph, histories, groups, frames, node, depth, mass)
+
+
+@compiled
+def last_two(teacher, graph, path, histories, groups, frames, node, depth, total, gamma):
     """Q_2 of every action at `node`, or a bound where it is no less than what counts; how many were found."""
     table, exact, real = frames.table, frames.exact, frames.real
-    actions, nodes, least, begun = graph.choices[node], 0, np.inf, False
-    place = compare(graph, twins, node)
-    refer(teacher, graph, path, histories, groups, frames, node, depth, SILENTLY)
+    actions, nodes, least = graph.choices[node], 0, np.inf
     room = second_capacity(teacher, histories, groups, depth, frames.whole[depth, GROUPS])
     for a in range(actions):
         exact[depth, a], expected = False, table[depth, EXPECTED, a]
@@ -65,19 +69,18 @@ def last_two(teacher, graph, path, histories, groups, frames, twins, node, depth
         cutoff = min(least + real[depth, SLACK], real[depth, CUTOFF])
         if table[depth, BOUND, a] >= cutoff:
             break
+        child = graph.successor[graph.first[node] + a]
+        show(teacher, graph, histories, groups, frames, child, depth)
         expected, press = table[depth, EXPECTED, a], table[depth, PRESSES, a]
-        later = expected - told_after(
-            teacher, graph, path, histories, groups, twins, place, node, a, depth, SILENTLY, total - press
-        )
+        silent = total - press
+        told = second_told(teacher, graph, path, histories, groups, frames, SILENTLY, child, depth, silent)
+        later = expected - told
         bound = expected + gamma * (later - room * press)
         table[depth, BOUND, a] = max(table[depth, BOUND, a], bound)
         nodes += 1
         if table[depth, BOUND, a] < cutoff:
-            if not begun:
-                refer(teacher, graph, path, histories, groups, frames, node, depth, ON_PRESS)
-                begun = True
-            later -= told_after(
-                teacher, graph, path, histories, groups, twins, place, node, a, depth, ON_PRESS, press
+            later -= second_told(
+                teacher, graph, path, histories, groups, frames, ON_PRESS, child, depth, press
             )
             table[depth, BOUND, a], exact[depth, a] = expected + gamma * later, True
             least = min(least, table[depth, BOUND, a])
@@ -95,20 +98,18 @@ def least_of(frames, depth, a, told, steps, gamma):
 
 
 @compiled
-def bounds_on(teacher, graph, path, histories, groups, frames, twins, node, depth, steps, total, gamma):
+def bounds_on(teacher, graph, path, histories, groups, frames, node, depth, steps, total, gamma):
     """Find lower bounds on Q of every action at `node`, and put the actions in their order.
 
     The first step is exact, the second for the branch without a press; later ones are bounded by `gain`.
     """
     table = frames.table
     keys = frames.before if depth == 0 and frames.before[0] < np.inf else table[depth, BOUND]
-    place = compare(graph, twins, node)
-    refer(teacher, graph, path, histories, groups, frames, node, depth, SILENTLY)
     for a in range(graph.choices[node]):
-        press = table[depth, PRESSES, a]
-        told = told_after(
-            teacher, graph, path, histories, groups, twins, place, node, a, depth, SILENTLY, total - press
-        )
+        child, press = graph.successor[graph.first[node] + a], table[depth, PRESSES, a]
+        silent = total - press
+        show(teacher, graph, histories, groups, frames, child, depth)
+        told = second_told(teacher, graph, path, histories, groups, frames, SILENTLY, child, depth, silent)
         table[depth, TOLD, a], frames.exact[depth, a] = told, False
         told += press * frames.gain[depth, 1, CAPACITY]
         table[depth, BOUND, a] = least_of(frames, depth, a, told, steps, gamma)

@@ -103,15 +103,11 @@ class Histories(NamedTuple):
 class Groups(NamedTuple):
     """The tasks of the measures on the path, by depth: those of one group nothing to come tells apart.
 
-    Group g of depth d stands for tasks of the weights b at the root: `weight[d, g]` is sum b and `own[d, g]`
-    sum b ln b; task[d, g] is one of them, history[d, g] what they have behind them. `group[d, task]` is g for
-    the tasks whose bit is set in `heads[d]`. `step[g]` is the step of a group to the node looked at,
-    `after[g]` the history it has then.
-
-    Of a second step: `usual[branch, g]` is the history after the first action, `channel[branch, c]` the
-    (weight of a press, `apart`) of the step to successor c after it, and `owes[branch, g]` what c = 0 owes
-    to group g. `moved[g]` and `moved_owes[g]` are the same of a group that another action shows something
-    else. Row 2 of `channel` and of `owes` is for any other step.
+    Group g of depth d stands for tasks of the weights b at the root: `weight[d, g]` is sum b and `own[d,
+    g]` sum b ln b; task[d, g] is one of them, history[d, g] what they have behind them. `group[d, task]` is
+    g for the tasks whose bit is set in `heads[d]`. `step[g]` is the step of a group to the node looked at,
+    `after[g]` the history it has then. `channel[c]` is the (weight of a press, `apart`) of the step to
+    successor c of a node, `owes[g]` what c = 0 owes to group g.
     """
 
     task: Ints
@@ -122,24 +118,8 @@ class Groups(NamedTuple):
     heads: NDArray[np.uint64]
     step: Ints
     after: Ints
-    usual: Ints
     channel: Floats
     owes: Floats
-    moved: Ints
-    moved_owes: Floats
-
-
-class Twins(NamedTuple):
-    """Pairs of actions that show most tasks the same; see `_twins`.
-
-    Place p is about the actions at `node[p]`, -1 for none. `twin[p, a, e]` is the action that after the
-    first one does what e does after a, `apart[p, a, e]` has the bits of the tasks for which that does not
-    hold.
-    """
-
-    node: Ints
-    twin: NDArray[np.int16]
-    apart: NDArray[np.uint64]
 
 
 class Frames(NamedTuple):

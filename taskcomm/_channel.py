@@ -77,16 +77,10 @@ def lowest(bits):
     return (np.float64(low).view(np.int64) >> 52) - 1023  # the exponent of a power of 2
 
 
-@compiled
-def _word(bits, t):
-    """Whether bit t is set."""
-    return bits[t >> 6] >> np.uint64(t & 63) & np.uint64(1) != 0
-
-
 @fused
-def channels(teacher, graph, histories, groups, frames, at, node, depth, row):
-    """Set channel[row, c] to what the groups, of histories `at`, do in a step to successor c of `node`."""
-    begin, press, apart, channel, owes = graph.first[node], 0.0, 0.0, groups.channel[row], groups.owes[row]
+def channels(teacher, graph, histories, groups, frames, at, node, depth):
+    """Set channel[c] to what the groups, of histories `at`, do in a step to successor c of `node`."""
+    begin, press, apart, channel, owes = graph.first[node], 0.0, 0.0, groups.channel, groups.owes
     for g in range(frames.whole[depth, GROUPS]):
         what = np.int64(graph.pattern[graph.successor[begin], groups.task[depth, g]])
         step, weight = histories.step[step_of(teacher, histories, at[g], what)], groups.weight[depth, g]
@@ -116,13 +110,12 @@ def told_by(mass, press, apart):
 
 
 @compiled
-def most_told(groups, row, choices, mass):
-    """The most that a step of the weight `mass` tells, of those that channel[row] has.
+def most_told(channel, choices, mass):
+    """The most that a step of the weight `mass` tells, of the `choices` that `channel` has.
 
     The entropy of the output is concave in the mass of presses, so a line that touches it says which
     actions cannot tell the most.
     """
-    channel = groups.channel[row]
     press = channel[0, 0]
     steep = press > NEVER and mass - press > NEVER
     slope = log((mass - press) / press) if steep else 0.0
@@ -141,74 +134,8 @@ def told_next(teacher, graph, histories, groups, frames, node, depth, mass):
     """The most that a step from `node` tells to the groups, of weight `mass`, with the histories `after`."""
     if mass <= NEVER:
         return 0.0
-    channels(teacher, graph, histories, groups, frames, groups.after, node, depth, 2)
-    return most_told(groups, 2, graph.choices[node], mass)
-
-
-@called
-def refer(teacher, graph, path, histories, groups, frames, node, depth, branch):
-    """Find what the second step does after the first action at `node`, without a press or with one."""
-    child = graph.successor[graph.first[node]]
-    for g in range(frames.whole[depth, GROUPS]):
-        h, what = groups.history[depth, g], np.int64(graph.pattern[child, groups.task[depth, g]])
-        s = step_of(teacher, histories, h, what)
-        groups.usual[branch, g] = history_after(teacher, path, histories, h, s, branch)
-    channels(teacher, graph, histories, groups, frames, groups.usual[branch], child, depth, branch)
-
-
-@fused
-def told_after(teacher, graph, path, histories, groups, twins, place, node, a, depth, branch, mass):
-    """The most that the second step tells after action a at `node`, in the branch of the weight `mass`.
-
-    As a sum of what it tells after the first action (`refer`) and of the tasks that see something else.
-    """
-    first = graph.first[node]
-    if mass <= NEVER:
-        return 0.0
-    if a == 0:
-        return most_told(groups, branch, graph.choices[graph.successor[first]], mass)
-    child, usual = graph.successor[first + a], graph.successor[first]
-    changed, heads = graph.changed[first + a], groups.heads[depth]
-    owes, channel = groups.owes[branch], groups.channel
-    more = further = 0.0
-    for word in range(len(changed)):
-        left = changed[word] & heads[word]
-        while left != 0:
-            t = (word << 6) + lowest(left)
-            left &= left - np.uint64(1)
-            g = groups.group[depth, t]
-            h, what = groups.history[depth, g], np.int64(graph.pattern[child, t])
-            moved = history_after(teacher, path, histories, h, step_of(teacher, histories, h, what), branch)
-            what = np.int64(graph.pattern[graph.successor[graph.first[child]], t])
-            step, weight = histories.step[step_of(teacher, histories, moved, what)], groups.weight[depth, g]
-            one, other = weight * step["press"], weight * step["apart"]
-            groups.moved[g], groups.moved_owes[g, 0], groups.moved_owes[g, 1] = moved, one, other
-            more, further = more + one - owes[g, 0], further + other - owes[g, 1]
-    for e in range(graph.choices[child]):
-        twin, bits = twins.twin[place, a, e], twins.apart[place, a, e]
-        press, apart = channel[branch, twin, 0] + more, channel[branch, twin, 1] + further
-        shown, other_shown = (
-            graph.successor[graph.first[child] + e],
-            graph.successor[graph.first[usual] + twin],
-        )
-        for word in range(len(bits)):
-            left = bits[word] & heads[word]
-            while left != 0:
-                t = (word << 6) + lowest(left)
-                left &= left - np.uint64(1)
-                g = groups.group[depth, t]
-                weight, h = groups.weight[depth, g], groups.usual[branch, g]
-                what = np.int64(graph.pattern[other_shown, t])
-                other_step = histories.step[step_of(teacher, histories, h, what)]
-                press, apart = press - weight * other_step["press"], apart - weight * other_step["apart"]
-                if _word(changed, t):
-                    h = groups.moved[g]
-                    press += owes[g, 0] - groups.moved_owes[g, 0]
-                    apart += owes[g, 1] - groups.moved_owes[g, 1]
-                step = histories.step[step_of(teacher, histories, h, np.int64(graph.pattern[shown, t]))]
-                press, apart = press + weight * step["press"], apart + weight * step["apart"]
-        channel[2, e, 0], channel[2, e, 1] = max(0.0, press), apart
-    return most_told(groups, 2, graph.choices[child], mass)
+    channels(teacher, graph, histories, groups, frames, groups.after, node, depth)
+    return most_told(groups.channel, graph.choices[node], mass)
 
 
 @compiled

@@ -59,7 +59,7 @@ def _push(frames, depth, steps, cost, cutoff):
 
 
 @compiled
-def _enter(teacher, graph, path, histories, groups, frames, twins, depth, gamma):
+def _enter(teacher, graph, path, histories, groups, frames, depth, gamma):
     """Bound Q of every action of the frame at `depth`, or find it where two steps are left.
 
     Returns the nodes visited: none where the frame's value cannot be below its cutoff.
@@ -76,9 +76,9 @@ def _enter(teacher, graph, path, histories, groups, frames, twins, depth, gamma)
             return 0
     first_steps(teacher, graph, histories, groups, frames, node, depth, total)
     if steps == 2:
-        return 1 + last_two(teacher, graph, path, histories, groups, frames, twins, node, depth, total, gamma)
+        return 1 + last_two(teacher, graph, path, histories, groups, frames, node, depth, total, gamma)
     if steps > 2:
-        bounds_on(teacher, graph, path, histories, groups, frames, twins, node, depth, steps, total, gamma)
+        bounds_on(teacher, graph, path, histories, groups, frames, node, depth, steps, total, gamma)
         return 1
     for a in range(graph.choices[node]):
         table[depth, BOUND, a], exact[depth, a] = table[depth, EXPECTED, a], True
@@ -179,7 +179,6 @@ def search(
     histories,
     groups,
     frames,
-    twins,
     steps,
     since,
     cost,
@@ -208,7 +207,7 @@ def search(
                 return nodes, depth
             if crowded(histories):
                 forget(teacher, path, histories, groups, whole[:, GROUPS], depth)
-            visited = _enter(teacher, graph, path, histories, groups, frames, twins, depth, gamma)
+            visited = _enter(teacher, graph, path, histories, groups, frames, depth, gamma)
             nodes += visited
             if visited == 0:
                 value = real[depth, VALUE]

@@ -24,7 +24,7 @@ from taskcomm.worldgraph import WorldGraph
 _SLACK = 2 * TIE
 _IN_HAND = 0.02  # share of a deadline for the last slice of a search and for what follows it
 MEMORY = 512 << 20  # bytes that a planner's graph of the world may take, and as many the rows of a search
-ROWS = 1 << 16  # that a search may have whatever the memory
+ROWS = 1 << 15  # that a search may have whatever the memory
 MOST_STEPS = 100
 
 

@@ -6,7 +6,7 @@ import time
 import numpy as np
 
 from taskcomm import _arrays
-from taskcomm._arrays import Frames, Given, Graph, Groups, Histories, Path, Teacher, Twins
+from taskcomm._arrays import Frames, Given, Graph, Groups, Histories, Path, Teacher
 from taskcomm.belief import Belief
 from taskcomm.levels import Bools, Floats
 from taskcomm.worldgraph import WorldGraph
@@ -15,41 +15,17 @@ SLICE = 400  # nodes between two looks at the clock: about a millisecond
 UNBOUNDED = 1 << 62
 
 
-PLACES = 1 << 12  # of pairs of actions that are kept, at most
-
-
 class Workspace:
-    """What searches of one graph leave to the next: room for histories, and the twins of actions.
-
-    The twins take a sixteenth of the graph's memory at most.
-    """
+    """What a search leaves to the next one: room for histories."""
 
     def __init__(self) -> None:
         self._histories: Histories | None = None
-        self._twins: Twins | None = None
-        self._age = 0
 
     def histories(self, belief: Belief, rows: int) -> Histories:
         """Room for `rows` rows; what is in it is of searches before."""
         if self._histories is None or len(self._histories.row) != rows:
             self._histories = _histories(belief, rows)
         return self._histories
-
-    def twins(self, graph: WorldGraph) -> Twins:
-        """The twins that are known of the graph's nodes."""
-        if self._twins is None or self._twins.twin.shape[1] < graph.most:
-            most, words = graph.most, graph.changed.shape[1]
-            most_places = graph.memory // 16 // (most * most * (2 + 8 * words))
-            places = min(PLACES, 1 << max(0, most_places.bit_length() - 1))
-            self._twins = Twins(
-                node=np.full(places, -1),
-                twin=np.empty((places, most, most), dtype=np.int16),
-                apart=np.empty((places, most, most, words), dtype=np.uint64),
-            )
-        if self._age != graph.age:
-            self._twins.node[:] = -1
-            self._age = graph.age
-        return self._twins
 
 
 class Search:
@@ -89,8 +65,8 @@ class Search:
         self._kernel, self._resume = _search.search, -1
         path, given, groups = _path(belief, root, horizon), _given(belief), _groups(belief, graph, horizon)
         workspace = workspace or Workspace()
-        kept = workspace.histories(belief, capacity), groups, frames, workspace.twins(graph)
-        self._arguments = teacher, world, path, given, *kept, *start
+        histories = workspace.histories(belief, capacity)
+        self._arguments = teacher, world, path, given, histories, groups, frames, *start
         count = int(graph.count[root])
         if before is not None:
             frames.before[:count] = before
@@ -181,11 +157,8 @@ def _groups(belief: Belief, graph: WorldGraph, horizon: int) -> Groups:
         heads=np.empty((horizon, graph.changed.shape[1]), dtype=np.uint64),
         step=np.empty(tasks, dtype=np.int64),
         after=np.empty(tasks, dtype=np.int64),
-        usual=np.empty((2, tasks), dtype=np.int64),
-        channel=np.empty((3, graph.most, 2)),
-        owes=np.empty((3, tasks, 2)),
-        moved=np.empty(tasks, dtype=np.int64),
-        moved_owes=np.empty((tasks, 2)),
+        channel=np.empty((graph.most, 2)),
+        owes=np.empty((tasks, 2)),
     )
 
 

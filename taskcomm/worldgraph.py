@@ -43,10 +43,10 @@ class WorldGraph:
     for each cue that is on; `run[row, task]` numbers runs of adjacent tasks that no path of d steps can
     tell apart.
 
-    Memory. The arrays are reserved for all they may ever hold, and the system commits what is touched;
-    small graphs do with a small part of it. When it is full, what does not lie within the steps asked for
-    of the state asked for is dropped, and its numbers are used again: a number is good until the next
-    `grow`, or as long as `age` stays the same. The states themselves are counted at STATE_BYTES each.
+    Memory. The arrays are reserved for all they may ever hold, and the system commits what is touched; small
+    graphs do with a small part of it. When it is full, what does not lie within the steps asked for of the
+    state asked for is dropped, and its numbers are used again: a number is good until the next `grow`. The
+    states themselves are counted at STATE_BYTES each.
     """
 
     first: NDArray[np.int64]
@@ -80,12 +80,10 @@ class WorldGraph:
         self._pays = (patterns >> np.arange(len(cue)) & 1) @ worth
         self._differ = np.zeros(len(world.tasks), dtype=np.uint16)
         self.most, self._width = 0, 2 * len(world.actions(world.start()))
-        self.age = 0
         self._empty()
 
     def _empty(self) -> None:
         """No node at all, and room for few."""
-        self.age += 1
         self.states: list[Any] = []
         self._index: dict[Hashable, int] = {}
         self._alive = bytearray()
@@ -277,7 +275,6 @@ class WorldGraph:
 
     def _drop(self, state: Hashable, keep: int) -> None:
         """Leave what is known to lie within `keep` steps of `state`; the rest may be overwritten."""
-        self.age += 1
         used, root = len(self.states), self._index.get(state)
         self.distance[:used], self._root = UNSEEN, -1
         if root is not None:

@@ -1,4 +1,4 @@
-"""What the search knows of a task along a history is what the belief knows; twins are as defined."""
+"""What the search knows of a task along a history is what the belief knows."""
 
 from typing import Any
 
@@ -22,7 +22,6 @@ from taskcomm._arrays import (
 )
 from taskcomm._histories import history_after, step_of
 from taskcomm._roots import crowded, forget, plant
-from taskcomm._twins import compare
 from taskcomm.belief import Belief
 from taskcomm.searching import Search
 from taskcomm.world import World
@@ -132,47 +131,6 @@ def test_what_is_not_forgotten_goes_on_as_before() -> None:
         assert [walk.press(shown) for shown in range(4)] == pytest.approx(before, rel=1e-12)
         for _ in range(4):
             walk.go_on()
-
-
-def test_tasks_that_are_not_apart_do_what_the_twins_do() -> None:
-    pairs = 0
-    for seed in range(30):
-        rng = np.random.default_rng(seed)
-        world = small_world(rng)
-        model = random_model(rng, world)
-        belief = Belief.initial(world, model)
-        graph = WorldGraph(world, belief.parameters.cue, np.ones(len(belief.parameters.cue)), 3)
-        root = graph.grow(world.start(), 3)
-        assert root is not None
-        search = Search(belief, graph, root, 3, 0.0, 1.0, 1 << 10)
-        _, arrays, *_, twins = search._arguments[:8]
-        near = graph.successor[graph.first[root] : graph.first[root] + graph.count[root]]
-        for node in {root, *near.tolist()}:
-            pairs += assert_twins(graph, arrays, twins, node)
-    assert pairs > 1000
-
-
-def assert_twins(graph: WorldGraph, arrays: Any, twins: Any, node: int) -> int:
-    """The definition, pair by pair; how many pairs there are."""
-    at, pairs = compare(arrays, twins, node), 0
-    assert compare(arrays, twins, node) == at
-
-    def after(start: int, action: int) -> int:
-        return int(graph.successor[graph.first[start] + action])
-
-    for a in range(1, graph.count[node]):
-        for e in range(graph.count[after(node, a)]):
-            twin, bits, pairs = int(twins.twin[at, a, e]), twins.apart[at, a, e], pairs + 1
-            with_a = [graph.pattern[after(node, a)], graph.pattern[after(after(node, a), e)]]
-            plain = [graph.pattern[after(node, 0)], graph.pattern[after(after(node, 0), twin)]]
-            settled = graph.pattern[after(after(node, a), 0)], graph.pattern[after(after(node, 0), 0)]
-            for t in range(len(graph.world.tasks)):
-                if with_a[0][t] == plain[0][t]:
-                    alike = with_a[1][t] == plain[1][t]
-                else:
-                    alike = with_a[1][t] == settled[0][t] and plain[1][t] == settled[1][t]
-                assert (bits[t // 64] >> np.uint64(t % 64) & np.uint64(1) == 0) == alike
-    return pairs
 
 
 def test_a_search_with_so_little_room_that_it_must_forget_finds_the_same() -> None:
