@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Numbers = NDArray[np.uint32]  # to index with: without a sign, that none be wrapped around
 
 WEIGHT, LEVEL = range(2)  # columns of Histories.row: the levels begin at LEVEL, the on-times after them
 PEAK, UP, DOWN, FIRST_UP, FIRST_DOWN, FIRST, LAST, LATE, DECAY, HOLD = range(10)  # columns of Teacher.top
@@ -18,8 +19,8 @@ BEGIN, END, BEFORE, SHOWN, DEPTH, SINCE, TASK, BRANCH = range(8)  # columns of H
 MASS, M_LN_M, HIGHEST_SECOND, LIKELY = range(4)  # columns of Histories.has: LIKELY and what follows
 SILENTLY, ON_PRESS = range(2)  # branches
 STEP = np.dtype([
-    ("press", np.float64), ("apart", np.float64), ("shown", np.int32), ("next", np.int32),
-    ("silently", np.int32), ("on_press", np.int32),
+    ("press", np.float64), ("apart", np.float64), ("shown", np.uint32), ("next", np.uint32),
+    ("silently", np.uint32), ("on_press", np.uint32),
 ])  # fmt: skip
 USED_HISTORIES, USED_STEPS, USED_ROWS, FULL, KEPT_HISTORIES, KEPT_ROWS = range(6)  # of Histories.used
 SLOTS = 8  # steps of a history found at once, by the lowest bits of their patterns
@@ -46,9 +47,9 @@ class Graph(NamedTuple):
 
     first: Ints
     choices: Ints
-    successor: NDArray[np.int32]
+    successor: Numbers
     pattern: NDArray[np.uint16]
-    slot: NDArray[np.int32]
+    slot: Numbers
     reach: NDArray[np.uint16]
     climb: Floats
     run: NDArray[np.uint16]
@@ -89,14 +90,14 @@ class Histories(NamedTuple):
     of all this is.
     """
 
-    edge: NDArray[np.int32]
+    edge: Numbers
     of: Ints
     has: Floats
     row: Floats
     ahead: Floats
     step: NDArray[Any]
-    owner: NDArray[np.int32]
-    renamed: NDArray[np.int32]
+    owner: Numbers
+    renamed: Numbers
     used: Ints
 
 
@@ -110,14 +111,14 @@ class Groups(NamedTuple):
     successor c of a node, `owes[g]` what c = 0 owes to group g.
     """
 
-    task: Ints
-    history: Ints
+    task: Numbers
+    history: Numbers
     weight: Floats
     own: Floats
-    group: Ints
+    group: Numbers
     heads: NDArray[np.uint64]
-    step: Ints
-    after: Ints
+    step: Numbers
+    after: Numbers
     channel: Floats
     owes: Floats
 

@@ -14,6 +14,7 @@ action what they do not see after another (`changed`): only they are summed agai
 import numpy as np
 
 from taskcomm._arrays import BEGIN, GROUPS, MASS
+from taskcomm._bits import lowest
 from taskcomm._entropy import called, compiled, fused, log, xlogx
 from taskcomm._histories import fill, history_after, step_of
 
@@ -58,7 +59,7 @@ def lay_out(teacher, path, histories, groups, depth, number):
 def show(teacher, graph, histories, groups, frames, node, depth):
     """Set step[g] to the step of each group to `node`."""
     for g in range(frames.whole[depth, GROUPS]):
-        what = np.int64(graph.pattern[node, groups.task[depth, g]])
+        what = graph.pattern[node, groups.task[depth, g]]
         groups.step[g] = step_of(teacher, histories, groups.history[depth, g], what)
 
 
@@ -70,19 +71,12 @@ def go_on(teacher, path, histories, groups, frames, depth, branch):
         groups.after[g] = history_after(teacher, path, histories, h, groups.step[g], branch)
 
 
-@compiled
-def lowest(bits):
-    """The number of the lowest bit that is set."""
-    low = bits & (~bits + np.uint64(1))
-    return (np.float64(low).view(np.int64) >> 52) - 1023  # the exponent of a power of 2
-
-
 @fused
 def channels(teacher, graph, histories, groups, frames, at, node, depth):
     """Set channel[c] to what the groups, of histories `at`, do in a step to successor c of `node`."""
     begin, press, apart, channel, owes = graph.first[node], 0.0, 0.0, groups.channel, groups.owes
     for g in range(frames.whole[depth, GROUPS]):
-        what = np.int64(graph.pattern[graph.successor[begin], groups.task[depth, g]])
+        what = graph.pattern[graph.successor[begin], groups.task[depth, g]]
         step, weight = histories.step[step_of(teacher, histories, at[g], what)], groups.weight[depth, g]
         one, other = weight * step["press"], weight * step["apart"]
         owes[g, 0], owes[g, 1] = one, other
@@ -93,10 +87,10 @@ def channels(teacher, graph, histories, groups, frames, at, node, depth):
         for word in range(graph.changed.shape[1]):
             left = graph.changed[begin + c, word] & groups.heads[depth, word]
             while left != 0:
-                t = (word << 6) + lowest(left)
+                t = np.uint64(word << 6) + lowest(left)
                 left &= left - np.uint64(1)
                 g = groups.group[depth, t]
-                what, weight = np.int64(graph.pattern[child, t]), groups.weight[depth, g]
+                what, weight = graph.pattern[child, t], groups.weight[depth, g]
                 step = histories.step[step_of(teacher, histories, at[g], what)]
                 more += weight * step["press"] - owes[g, 0]
                 further += weight * step["apart"] - owes[g, 1]

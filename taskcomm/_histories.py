@@ -211,10 +211,12 @@ def _work_out(teacher, histories, h, what):
 @fused
 def step_of(teacher, histories, h, what):
     """The number of the step of history h that shows the pattern `what`."""
-    s = histories.edge[h, what & (SLOTS - 1)]
+    s = histories.edge[h, np.uint32(what & (SLOTS - 1))]
     while s != 0 and histories.step[s]["shown"] != what:
         s = histories.step[s]["next"]
-    return np.int64(s) if s != 0 else _work_out(teacher, histories, h, what)
+    if s == 0:
+        s = np.uint32(_work_out(teacher, histories, np.int64(h), np.int64(what)))
+    return s
 
 
 @compiled
@@ -308,4 +310,6 @@ def _go_on(teacher, path, histories, h, s, branch):
 def history_after(teacher, path, histories, h, s, branch):
     """The history after step s of history h, without a press or with one (`branch`: SILENTLY, ON_PRESS)."""
     k = histories.step[s]["on_press"] if branch == ON_PRESS else histories.step[s]["silently"]
-    return np.int64(k) if k != 0 else _go_on(teacher, path, histories, h, s, branch)
+    if k == 0:
+        k = np.uint32(_go_on(teacher, path, histories, np.int64(h), np.int64(s), branch))
+    return k

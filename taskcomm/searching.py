@@ -134,14 +134,14 @@ def _histories(belief: Belief, rows: int) -> Histories:
     states, decays = len(p.peak), bool(np.isfinite(p.decay).any())
     number = rows // 2 + 1
     return Histories(
-        edge=np.empty((number, _arrays.SLOTS), dtype=np.int32),
+        edge=np.empty((number, _arrays.SLOTS), dtype=np.uint32),
         of=np.empty((number, 8), dtype=np.int64),
         has=np.empty((number, _arrays.LIKELY + 2 * states)),
         row=np.empty((rows, 1 + states * (1 + decays))),
         ahead=np.empty((rows, states, 2, 3)),
         step=np.empty(rows, dtype=_arrays.STEP),
-        owner=np.empty(rows, dtype=np.int32),
-        renamed=np.empty(number, dtype=np.int32),
+        owner=np.empty(rows, dtype=np.uint32),
+        renamed=np.empty(number, dtype=np.uint32),
         used=np.zeros(6, dtype=np.int64),
     )
 
@@ -149,14 +149,14 @@ def _histories(belief: Belief, rows: int) -> Histories:
 def _groups(belief: Belief, graph: WorldGraph, horizon: int) -> Groups:
     tasks = len(belief.world.tasks)
     return Groups(
-        task=np.empty((horizon, tasks), dtype=np.int64),
-        history=np.empty((horizon, tasks), dtype=np.int64),
+        task=np.empty((horizon, tasks), dtype=np.uint32),
+        history=np.empty((horizon, tasks), dtype=np.uint32),
         weight=np.empty((horizon, tasks)),
         own=np.empty((horizon, tasks)),
-        group=np.empty((horizon, tasks), dtype=np.int64),
+        group=np.empty((horizon, tasks), dtype=np.uint32),
         heads=np.empty((horizon, graph.changed.shape[1]), dtype=np.uint64),
-        step=np.empty(tasks, dtype=np.int64),
-        after=np.empty(tasks, dtype=np.int64),
+        step=np.empty(tasks, dtype=np.uint32),
+        after=np.empty(tasks, dtype=np.uint32),
         channel=np.empty((graph.most, 2)),
         owes=np.empty((tasks, 2)),
     )

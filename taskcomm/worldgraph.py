@@ -54,8 +54,8 @@ class WorldGraph:
     depth: NDArray[np.int64]
     distance: NDArray[np.int16]
     pattern: NDArray[np.uint16]
-    slot: NDArray[np.int32]
-    successor: NDArray[np.int32]
+    slot: NDArray[np.uint32]
+    successor: NDArray[np.uint32]
     changed: NDArray[np.uint64]
     reach: NDArray[np.uint16]
     climb: NDArray[np.float64]
@@ -107,8 +107,8 @@ class WorldGraph:
             "depth": ((nodes,), np.int64),
             "distance": ((nodes,), np.int16),
             "pattern": ((nodes, tasks), np.uint16),
-            "slot": ((nodes, steps), np.int32),
-            "successor": ((rows * self._width,), np.int32),
+            "slot": ((nodes, steps), np.uint32),
+            "successor": ((rows * self._width,), np.uint32),
             "changed": ((rows * self._width, words), np.uint64),
             "reach": ((rows, tasks), np.uint16),
             "climb": ((rows, tasks), np.float64),
