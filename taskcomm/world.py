@@ -4,7 +4,7 @@ import re
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,10 @@ class World(Protocol):
     - `route(state, task) -> sequence of actions`: a shortest way to such a state (without it,
       breadth-first search finds one);
     - `spec() -> dict`: what a log needs to build the World again;
+    - `alike(state) -> mapping`: for each thing in the world, always in the same order, a label: those with
+      the same label may be exchanged for one another without changing the state; and
+      `exchanged(value, one, other)`: what becomes of a task or an action when two things are exchanged.
+      Of actions that differ in nothing else, the planner looks at one;
     - `roles(task) -> mapping`: the role under `task` of everything that a signal may be about (a look at a
       ball), by its name; the same names under every task.
     """
@@ -120,6 +124,9 @@ class BallState(NamedTuple):
     slid: tuple[int, int] | None = None
 
 
+TaskOrAction = TypeVar("TaskOrAction", Task, Action)
+
+
 @dataclass(frozen=True)
 class BallWorld:
     """Balls that can be lit, held and slid to a distance from one another.
@@ -170,6 +177,31 @@ class BallWorld:
         """What each ball ("1", "2", ...) is under `task`: mov, wrt or other."""
         named = {task.mov: "mov", task.wrt: "wrt"}
         return {str(ball): named.get(ball, "other") for ball in range(1, self.num_balls + 1)}
+
+    def alike(self, state: BallState) -> dict[int, int]:
+        """By ball, what others must have in common with it to be exchanged for it.
+
+        Balls that are neither held nor placed nor placed at are alike if all are lit or none is.
+        """
+        lit, busy = state.lit, {state.held}
+        for ball, placement in enumerate(state.placements, start=1):
+            if placement:
+                busy |= {ball, placement[0]}
+        return {
+            ball: ball if ball in busy else -1 if ball in lit else 0 for ball in range(1, self.num_balls + 1)
+        }
+
+    def exchanged(self, value: TaskOrAction, one: int, other: int) -> TaskOrAction:
+        """A task or an action with two balls exchanged.
+
+        >>> BallWorld().exchanged(Action.parse("slide(1, 4, 2)"), 2, 3)
+        slide(1, 4, 3)
+        """
+        become = {one: other, other: one}
+        if isinstance(value, Task):
+            return Task(become.get(value.mov, value.mov), become.get(value.wrt, value.wrt), value.dist)
+        ball, reference = (b and become.get(b, b) for b in (value.ball, value.reference))
+        return _action(value.name, ball, value.distance, reference)
 
     def start(self) -> BallState:
         """Nothing lit, held or placed."""
