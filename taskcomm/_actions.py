@@ -12,7 +12,6 @@ from taskcomm._arrays import (
     CAPACITY,
     COST,
     CUTOFF,
-    EARLIER,
     EXPECTED,
     GROUPS,
     INFORMATION,
@@ -35,12 +34,6 @@ def _place(order, keys, a):
         order[at] = order[at - 1]
         at -= 1
     order[at] = a
-
-
-@compiled
-def _again(graph, frames, node, depth, a):
-    """Whether another action, which is searched, differs from a only in things that are alike."""
-    return graph.exchange[graph.first[node] + a, EARLIER] & frames.alike[depth] != 0
 
 
 @compiled
@@ -70,8 +63,6 @@ def last_two(teacher, graph, path, histories, groups, frames, node, depth, total
     for a in range(actions):
         exact[depth, a], expected = False, table[depth, EXPECTED, a]
         table[depth, BOUND, a] = expected + gamma * max(0.0, expected - room * total)
-        if _again(graph, frames, node, depth, a):
-            table[depth, BOUND, a] = np.inf
         _place(frames.order[depth], table[depth, BOUND], a)
     for at in range(actions):
         a = frames.order[depth, at]
@@ -115,16 +106,11 @@ def bounds_on(teacher, graph, path, histories, groups, frames, node, depth, step
     table = frames.table
     keys = frames.before if depth == 0 and frames.before[0] < np.inf else table[depth, BOUND]
     for a in range(graph.choices[node]):
-        frames.exact[depth, a] = False
-        if _again(graph, frames, node, depth, a):
-            table[depth, BOUND, a] = np.inf
-            _place(frames.order[depth], keys, a)
-            continue
         child, press = graph.successor[graph.first[node] + a], table[depth, PRESSES, a]
         silent = total - press
         show(teacher, graph, histories, groups, frames, child, depth)
         told = second_told(teacher, graph, path, histories, groups, frames, SILENTLY, child, depth, silent)
-        table[depth, TOLD, a] = told
+        table[depth, TOLD, a], frames.exact[depth, a] = told, False
         told += press * frames.gain[depth, 1, CAPACITY]
         table[depth, BOUND, a] = least_of(frames, depth, a, told, steps, gamma)
         _place(frames.order[depth], keys, a)

@@ -18,7 +18,6 @@ PEAK, UP, DOWN, FIRST_UP, FIRST_DOWN, FIRST, LAST, LATE, DECAY, HOLD = range(10)
 BEGIN, END, BEFORE, SHOWN, DEPTH, SINCE, TASK, BRANCH = range(8)  # columns of Histories.of
 MASS, M_LN_M, HIGHEST_SECOND, LIKELY = range(4)  # columns of Histories.has: LIKELY and what follows
 SILENTLY, ON_PRESS = range(2)  # branches
-CHANGES, EARLIER = range(2)  # columns of Graph.exchange
 STEP = np.dtype([
     ("press", np.float64), ("apart", np.float64), ("shown", np.uint32), ("next", np.uint32),
     ("silently", np.uint32), ("on_press", np.uint32),
@@ -55,7 +54,6 @@ class Graph(NamedTuple):
     climb: Floats
     run: NDArray[np.uint16]
     changed: NDArray[np.uint64]
-    exchange: NDArray[np.uint64]
 
 
 class Path(NamedTuple):
@@ -132,8 +130,7 @@ class Frames(NamedTuple):
     `exact`), and the most that the second step tells if the first has no press. `order[d]` are the actions
     by that bound, at first by `before`. `gain[d, k]` says what step k + 1 can tell at most;
     `window` is room to find it. `real` and `whole` are what a frame remembers. `before` (actions,) is what a
-    shorter look said of the first actions, if finite: the least of it is searched first. `alike[d]` are the
-    pairs of things that neither the world nor the measure tells apart.
+    shorter look said of the first actions, if finite: the least of it is searched first.
     """
 
     table: Floats
@@ -144,4 +141,3 @@ class Frames(NamedTuple):
     real: Floats
     whole: Ints
     before: Floats
-    alike: NDArray[np.uint64]

@@ -24,7 +24,6 @@ from taskcomm._arrays import (
     AT,
     BOUND,
     CAPACITY,
-    CHANGES,
     COST,
     CUTOFF,
     EXPECTED,
@@ -94,8 +93,7 @@ def _descend(teacher, graph, path, histories, groups, frames, depth, action, lim
     """
     table, real, whole = frames.table, frames.real, frames.whole
     steps = whole[depth, STEPS]
-    link = graph.first[path.trail[depth]] + action
-    child = graph.successor[link]
+    child = graph.successor[graph.first[path.trail[depth]] + action]
     expected, mass = table[depth, EXPECTED, action], table[depth, PRESSES, action]
     show(teacher, graph, histories, groups, frames, child, depth)
     go_on(teacher, path, histories, groups, frames, depth, ON_PRESS)
@@ -112,7 +110,6 @@ def _descend(teacher, graph, path, histories, groups, frames, depth, action, lim
     real[depth, PRESS], real[depth, ROOM] = press, (limit - expected) / gamma
     real[depth, LEAST_PRESS] = later + gamma * rest
     path.trail[depth + 1], whole[depth, PHASE] = child, AFTER_SILENT
-    frames.alike[depth + 1] = frames.alike[depth] & ~graph.exchange[link, CHANGES]
     silent, room = max(0.0, expected - press), real[depth, ROOM] - real[depth, LEAST_PRESS]
     _push(frames, depth + 1, steps - 1, silent, room)
     return True

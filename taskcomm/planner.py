@@ -17,6 +17,7 @@ from taskcomm.certificate import Floats, Looked, certificate, enclosed, most_tol
 from taskcomm.decision import TIE, Asked, Decision
 from taskcomm.garbage import no_collections, undisturbed
 from taskcomm.searching import Search, Workspace, row_bytes
+from taskcomm.symmetry import Reduced, ReducedWorld, says_what_is_alike
 from taskcomm.teacher import TeacherModel
 from taskcomm.world import World
 from taskcomm.worldgraph import WorldGraph
@@ -96,7 +97,8 @@ class EntropyPlanner:
         worth = parameters.peak * parameters.dt / parameters.rise
         self._memory, self._capacity = memory, ROWS
         self._workspace = Workspace()
-        self._graph = WorldGraph(world, parameters.cue, worth, horizon, memory)
+        self._reduced = ReducedWorld(world) if says_what_is_alike(world) else None
+        self._graph = WorldGraph(self._reduced or world, parameters.cue, worth, horizon, memory)
 
     def reset(self, rng: np.random.Generator | None = None) -> None:
         """Take `rng` for random ties from now on."""
@@ -134,18 +136,19 @@ class EntropyPlanner:
         slack = np.inf if exact_values else _SLACK
         with no_collections() if deadline is None else undisturbed():
             until = started + (1.0 - _IN_HAND) * (math.inf if deadline is None else deadline)
+            at = self._at(belief, state)
             looked: list[Looked] = []
             done = None
             for horizon in self._horizons(deadline, exact_values):
                 end = math.inf if horizon == 1 else until
-                search, ended = self._searched(belief, state, horizon, slack, end, done)
+                search, ended = self._searched(belief, at, horizon, slack, end, done)
                 if search is not None:
                     looked.append(_looked(search))
                 if not ended:
                     break
                 done = search
             assert done is not None  # the first horizon has no deadline
-            return self._decision(done, looked, belief, state, started)
+            return self._decision(done, looked, Asked(self, belief, state), at, started)
 
     def _horizons(self, deadline: float | None, exact_values: bool) -> Sequence[int]:
         """The looks taken: each says of the next which action to search first."""
@@ -156,29 +159,37 @@ class EntropyPlanner:
         return [self.horizon - 2, self.horizon]
 
     def _decision(
-        self, search: Search | Branched, looked: list[Looked], belief: Belief, state: Hashable, started: float
+        self, search: Search | Branched, looked: list[Looked], asked: Asked, at: Hashable, started: float
     ) -> Decision:
         """The decision of the last search that ended, certified by all that began."""
-        actions = tuple(self.world.actions(state))
-        bound, exact = search.bound, search.exact
+        actions = tuple(self.world.actions(asked.state))
+        instead = self._reduced.instead(at) if self._reduced and isinstance(at, Reduced) else slice(None)
+        bound, exact, at_most = search.bound[instead], search.exact[instead], search.at_most[instead]
         least = float(bound[exact].min())
         tied = [a for a in range(len(actions)) if exact[a] and bound[a] <= least + TIE]
         others = [float(bound[a]) for a in range(len(actions)) if a not in tied]
         chosen = tied[0] if self.ties == "first" else tied[int(self._random.integers(len(tied)))]
-        lower, upper = self._enclosed(looked, belief, search.horizon == self.horizon)
+        enclosed = self._enclosed(looked, asked.belief, search.horizon == self.horizon)
+        lower, upper = (bounds[instead] for bounds in enclosed)
         return Decision(
             action=actions[chosen],
             values={actions[a]: float(bound[a]) for a in np.flatnonzero(exact)},
             bounds={actions[a]: float(bound[a]) for a in np.flatnonzero(~exact)},
-            upper_bounds={actions[a]: float(search.at_most[a]) for a in np.flatnonzero(~exact)},
+            upper_bounds={actions[a]: float(at_most[a]) for a in np.flatnonzero(~exact)},
             ties=tuple(actions[a] for a in tied),
             gap=min(others, default=np.inf) - least,
             horizon=search.horizon,
             nodes=search.nodes,
             certificate=certificate(actions, chosen, self.horizon, lower, upper, TIE),
             seconds=time.perf_counter() - started,
-            asked=Asked(self, belief, state),
+            asked=asked,
         )
+
+    def _at(self, belief: Belief, state: Hashable) -> Hashable:
+        """The state in the world that is searched, in which one is looked at of what is alike."""
+        if self._reduced is None or self._tree is not None:
+            return state
+        return self._reduced.reduced(belief, state)
 
     def _enclosed(self, looked: list[Looked], belief: Belief, ended: bool) -> tuple[Floats, Floats]:
         """Lower and upper bounds on Q at the planner's horizon."""
@@ -207,7 +218,7 @@ class EntropyPlanner:
     def _searched(
         self,
         belief: Belief,
-        state: Hashable,
+        at: Hashable,
         horizon: int,
         slack: float,
         until: float,
@@ -215,10 +226,10 @@ class EntropyPlanner:
     ) -> tuple[Search | Branched | None, bool]:
         """The search and whether it ended; none where `until` came before it began."""
         if self._tree is not None:
-            branched = self._tree.search(belief, state, horizon, self.gamma, until)
+            branched = self._tree.search(belief, at, horizon, self.gamma, until)
             return branched, branched is not None
         known = None if before is None else before.bound
-        root = self._graph.grow(state, horizon, until)
+        root = self._graph.grow(at, horizon, until)
         if root is None or time.perf_counter() >= until:
             return None, False
         least = len(belief.task) * (len(belief.parameters.peak) + 2)  # its own, and a first step's

@@ -58,7 +58,7 @@ class Search:
         world = Graph(
             *(graph.first, graph.count, graph.successor, graph.pattern),
             *(graph.slot, graph.reach, graph.climb),
-            *(graph.run, graph.changed, graph.exchange),
+            *(graph.run, graph.changed),
         )
         start = horizon, belief.since_press, belief.entropy(), slack, gamma
         self.horizon, self.nodes, self.fits = horizon, 0, True
@@ -70,11 +70,8 @@ class Search:
         count = int(graph.count[root])
         if before is not None:
             frames.before[:count] = before
-        state = graph.states[root]
-        frames.alike[0] = pairs = graph.exchanges.alike(belief, state)
-        self._instead = graph.exchanges.instead(graph.world.actions(state), pairs)
-        self._exact: Bools = frames.exact[0, :count]
-        self._bound: Floats = frames.table[0, _arrays.BOUND, :count]
+        self.exact: Bools = frames.exact[0, :count]
+        self.bound: Floats = frames.table[0, _arrays.BOUND, :count]
         self.expected: Floats = frames.table[0, _arrays.EXPECTED, :count]
         self.told: Floats = frames.gain[0, :, _arrays.INFORMATION]
         self._steps = sum(gamma**k for k in range(horizon))
@@ -92,16 +89,6 @@ class Search:
                 return True
             if time.perf_counter() >= until:
                 return False
-
-    @property
-    def bound(self) -> Floats:
-        """Q by action, or a lower bound on it: that of the action that was searched for it."""
-        return self._bound[self._instead]
-
-    @property
-    def exact(self) -> Bools:
-        """Whether that is Q."""
-        return self._exact[self._instead]
 
     @property
     def at_most(self) -> Floats:
@@ -185,5 +172,4 @@ def _frames(belief: Belief, graph: WorldGraph, horizon: int) -> Frames:
         real=np.zeros((horizon, 8)),
         whole=np.zeros((horizon, 4), dtype=np.int64),
         before=np.full(graph.most, np.inf),
-        alike=np.zeros(horizon, dtype=np.uint64),
     )

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taskcomm.exchanges import Exchanges
 from taskcomm.garbage import no_collections
 from taskcomm.world import World
 
@@ -44,9 +43,6 @@ class WorldGraph:
     for each cue that is on; `run[row, task]` numbers runs of adjacent tasks that no path of d steps can
     tell apart.
 
-    `exchange[first[n] + a]` are the pairs of things whose exchange changes action a, and those that make an
-    earlier one of it: bits as in `exchanges`.
-
     Memory. The arrays are reserved for all they may ever hold, and the system commits what is touched; small
     graphs do with a small part of it. When it is full, what does not lie within the steps asked for of the
     state asked for is dropped, and its numbers are used again: a number is good until the next `grow`. The
@@ -64,7 +60,6 @@ class WorldGraph:
     reach: NDArray[np.uint16]
     climb: NDArray[np.float64]
     run: NDArray[np.uint16]
-    exchange: NDArray[np.uint64]
 
     def __init__(
         self,
@@ -81,7 +76,6 @@ class WorldGraph:
         if isinstance(memory, bool) or not isinstance(memory, int) or memory < 1:
             raise ValueError(f"memory must be a whole number of bytes from 1, not {memory!r}")
         self.world, self.cue, self.worth, self.horizon, self.memory = world, cue, worth, horizon, memory
-        self.exchanges = Exchanges(world)
         patterns = np.arange(1 << len(cue))[:, None]
         self._pays = (patterns >> np.arange(len(cue)) & 1) @ worth
         self._differ = np.zeros(len(world.tasks), dtype=np.uint16)
@@ -106,7 +100,7 @@ class WorldGraph:
         tasks, steps = len(self.world.tasks), self.horizon + 1
         words = -(-tasks // 64)
         nodes = max(2, memory // 3 * 2 // (2 * tasks + 4 * steps + 26 + STATE_BYTES))
-        rows = max(2, memory // 3 // (12 * tasks + (20 + 8 * words) * self._width))
+        rows = max(2, memory // 3 // (12 * tasks + (4 + 8 * words) * self._width))
         kinds: dict[str, tuple[tuple[int, ...], type]] = {
             "first": ((nodes,), np.int64),
             "count": ((nodes,), np.int64),
@@ -119,7 +113,6 @@ class WorldGraph:
             "reach": ((rows, tasks), np.uint16),
             "climb": ((rows, tasks), np.float64),
             "run": ((rows, tasks), np.uint16),
-            "exchange": ((rows * self._width, 2), np.uint64),
         }
         for name, (shape, kind) in kinds.items():
             array: NDArray[Any] = np.zeros(shape, dtype=kind)
@@ -243,7 +236,6 @@ class WorldGraph:
                 raise _Full
             self._links += self._width
         self.successor[first : first + len(actions)] = successors
-        self.exchange[first : first + len(actions)] = [self.exchanges.masks(action) for action in actions]
         self.first[node], self.count[node] = first, len(actions)
         self.most = max(self.most, len(actions))
 

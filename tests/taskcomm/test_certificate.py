@@ -217,7 +217,11 @@ def test_the_most_is_told_by_the_best_of_two_point_channels(mistake: float, peak
 def test_no_garbage_is_collected_between_the_start_of_a_deadline_and_the_decision() -> None:
     """Once before, of what is young; and what the decision added is not due to be collected right after."""
     world, model = BallWorld(4), TeacherModel.intuitive()
-    planner, belief = EntropyPlanner(world, model, 6), Belief.initial(world, model)
+    told_apart = np.arange(1.0, len(world.tasks) + 1)  # no two balls are alike, and all of the world is met
+    planner, belief = (
+        EntropyPlanner(world, model, 6),
+        Belief.initial(world, model, told_apart / told_apart.sum()),
+    )
     planner.warm_up()
     generations: list[int] = []
 

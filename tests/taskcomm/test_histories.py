@@ -143,7 +143,7 @@ def test_a_search_with_so_little_room_that_it_must_forget_finds_the_same() -> No
         belief = belief.update(state, number == 2)
     wanted = EntropyPlanner(world, model, 4).plan(belief, state, exact_values=True)
     planner = EntropyPlanner(world, model, 4)
-    root = planner._graph.grow(state, 4)
+    root = planner._graph.grow(planner._at(belief, state), 4)
     assert root is not None
     forgot = 0
     for rows in (300, 600, 1200, 2400):

@@ -133,7 +133,7 @@ def test_what_just_fits_into_the_memory_is_searched(monkeypatch: pytest.MonkeyPa
     belief, state = peaked(4)
     planner = EntropyPlanner(belief.world, belief.model, 4)
     wanted = planner.plan(belief, state)
-    root = planner._graph.grow(state, 4)
+    root = planner._graph.grow(planner._at(belief, state), 4)
     assert root is not None
 
     def fits(rows: int) -> bool:
@@ -164,7 +164,7 @@ def test_a_long_look_begins_with_what_a_shorter_one_took_for_the_best() -> None:
     planner, tree = EntropyPlanner(world, model, 6), PlainTree(world, model, 6)
     decision, values = planner.plan(belief, state), tree.values(belief, state)
     assert decision.value == pytest.approx(min(values.values()), abs=1e-9)
-    root = planner._graph.grow(state, 6)
+    root = planner._graph.grow(planner._at(belief, state), 6)
     assert root is not None
     nodes = {}
     for best_first in (True, False):
@@ -197,7 +197,7 @@ def test_a_search_in_slices_is_the_search_in_one() -> None:
     belief, state = peaked(4)
     planner = EntropyPlanner(belief.world, belief.model, 5)
     whole = planner.plan(belief, state, exact_values=True)
-    root = planner._graph.node(state)
+    root = planner._graph.node(planner._at(belief, state))
     search = Search(belief, planner._graph, root, 5, np.inf, 1.0, planner._capacity)
     values, slices = np.array(list(whole.values.values())), 1
     while search.fits and not search.run(until=0.0):

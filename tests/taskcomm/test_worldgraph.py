@@ -226,7 +226,7 @@ def test_a_trial_with_little_memory_has_the_decisions_of_one_with_much() -> None
     much = EntropyPlanner(world, model, 3)
     little = EntropyPlanner(world, model, 3, memory=180_000)
     belief, state = Belief.initial(world, model), world.start()
-    for _ in range(40):
+    for _ in range(60):
         decision = little.plan(belief, state)
         assert decision == much.plan(belief, state)
         action = world.actions(state)[int(rng.integers(len(world.actions(state))))]

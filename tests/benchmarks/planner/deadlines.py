@@ -7,7 +7,6 @@ import numpy as np
 from benchmarks.planner.measure import SEED
 from benchmarks.planner.situations import Situations
 
-from taskcomm.belief import Belief
 from taskcomm.planner import EntropyPlanner
 
 DEADLINE = 0.4
@@ -31,14 +30,13 @@ def reached(situations: Situations, seconds: float) -> dict[str, Any]:
     """Horizons and lateness over decisions drawn with a fixed seed, until `seconds` are spent."""
     world, model, found = situations.world, situations.model, situations.found
     planner = EntropyPlanner(world, model, FURTHEST)
-    knows = Belief.initial(world, model, [1.0] + [0.0] * (len(world.tasks) - 1))
     horizons, regrets, optimal, late = [], [], [], []
     began = time.perf_counter()
     for index in np.random.default_rng(SEED).permutation(len(found)):
         if time.perf_counter() - began > seconds:
             break
         situation = found[index]
-        planner.plan(knows, situation.before, deadline=DEADLINE)  # the world near it is known, as on the way
+        planner.plan(*situation.before, False, DEADLINE)  # the world near it is known, as on the way
         started = time.perf_counter()
         decision = planner.plan(situation.belief, situation.state, deadline=DEADLINE)
         late.append((time.perf_counter() - started - DEADLINE) / model.dt)

@@ -16,7 +16,6 @@ import numpy as np
 from benchmarks.planner.situations import Situation, Situations
 from plaintree import PlainTree
 
-from taskcomm.belief import Belief
 from taskcomm.planner import EntropyPlanner
 
 SEED = 7
@@ -168,14 +167,14 @@ def _decide(
 ) -> None:
     world, model = situations.world, situations.model
     planner, tree = EntropyPlanner(world, model, horizon), PlainTree(world, model, horizon)
-    knows = Belief.initial(world, model, [1.0] + [0.0] * (len(world.tasks) - 1))
     spent, plain_spent = 0.0, 0.0
     for number, index in enumerate(order):
         on = plain and number < limits.plain_decisions and plain_spent < limits.plain
         if spent >= limits.search and not on:
             return
         situation, began = situations.found[index], time.perf_counter()
-        planner.plan(knows, situation.before)  # the world near it is known, as it is to a robot on its way
+        known = planner._at(*situation.before)
+        planner._graph.grow(known, horizon)  # the world near it is known, as it is to a robot on its way
         pipe.send(("begin", "search"))
         seconds, decision = _timed(planner.plan, situation)
         pipe.send(("search", seconds, decision.nodes))

@@ -24,11 +24,11 @@ SEED = 2012
 
 @dataclass(frozen=True)
 class Situation:
-    """What the planner is asked: a belief and a world state; `before` is the state one step earlier."""
+    """What the planner is asked: a belief and a world state; `before` are those of one step earlier."""
 
     belief: Belief
     state: Any
-    before: Any
+    before: tuple[Belief, Any]
 
 
 @dataclass(frozen=True)
@@ -47,11 +47,11 @@ def along(trials: Iterable[Trial], world: BallWorld, model: TeacherModel) -> tup
     for trial in trials:
         belief = Belief.initial(world, model)
         state: Any = world.start()
-        before = state
+        before = belief, state
         for step, reached in zip(trial.steps, trial.states, strict=True):
             if belief.marginal().max() <= THRESHOLD:
                 found.append(Situation(belief, state, before))
-            belief, before, state = belief.update(reached, step.pressed), state, reached
+            before, belief, state = (belief, state), belief.update(reached, step.pressed), reached
     return tuple(found)
 
 

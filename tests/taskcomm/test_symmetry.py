@@ -11,8 +11,8 @@ from teachers import random_model
 
 from taskcomm.belief import Belief
 from taskcomm.decision import Decision
-from taskcomm.exchanges import MOST, Exchanges
 from taskcomm.planner import EntropyPlanner
+from taskcomm.symmetry import MOST, ReducedWorld
 from taskcomm.teacher import TeacherModel
 from taskcomm.world import Action, BallWorld, World
 
@@ -42,9 +42,9 @@ def after(belief: Belief, *shown: str) -> tuple[Belief, Any]:
 
 
 def alike(belief: Belief, state: Any) -> list[tuple[int, int]]:
-    exchanges = Exchanges(belief.world)
-    bits = exchanges.alike(belief, state)
-    return [pair for k, pair in enumerate(exchanges.pairs) if bits >> k & 1]
+    reduced = ReducedWorld(belief.world)
+    at = reduced.reduced(belief, state)
+    return [pair for k, pair in enumerate(reduced.pairs) if at.pairs >> k & 1]
 
 
 @given(
@@ -108,7 +108,8 @@ def decisions(belief: Belief, state: Any, horizon: int, **how: Any) -> tuple[Dec
 
 def assert_the_same(one: Decision, other: Decision) -> None:
     assert (one.action, one.ties) == (other.action, other.ties)
-    assert one.gap == pytest.approx(other.gap, abs=EXACT)
+    if not one.bounds and not other.bounds:
+        assert one.gap == pytest.approx(other.gap, abs=EXACT)
     for action, value in one.values.items():
         assert value == pytest.approx(other.values.get(action, value), abs=EXACT)
     for action, bound in one.bounds.items():
@@ -152,8 +153,8 @@ def test_with_a_deadline_bounds_hold_of_all_balls() -> None:
 
 
 def test_more_balls_than_are_looked_at() -> None:
-    belief, state = after(uniform(MOST + 2, 1))
-    assert len(alike(belief, state)) == MOST * (MOST - 1) // 2
+    belief, state = after(uniform(13, 1))
+    assert len(alike(belief, state)) == MOST
     knowing, plain = decisions(belief, state, 2)
     assert_the_same(knowing, plain)
-    assert len(knowing.ties) == MOST + 2
+    assert len(knowing.ties) == 13

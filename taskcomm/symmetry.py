@@ -1,0 +1,130 @@
+"""Symmetry reduction: of actions that differ only in which of things that are alike they take, one is left.
+
+Let g exchange two things, in states, actions and tasks, and let it change neither belief b nor state w. Then
+Q_h(b, w, g a) = Q_h(b, w, a), and after an action that g does not change, it changes nothing of what follows
+(MODEL.md, section 6).
+"""
+
+from collections.abc import Sequence
+from functools import cached_property
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskcomm.belief import Belief
+from taskcomm.world import World
+
+MOST = 64  # pairs of things looked at, the first
+ROUNDING = 1e-13  # relative difference of weights that are equal but for rounding
+
+
+class Reduced(NamedTuple):
+    """A state, and the pairs of things that neither it nor what is believed tells apart: bits of a number."""
+
+    state: Any
+    pairs: int
+
+    def __str__(self) -> str:
+        return str(self.state)
+
+
+def says_what_is_alike(world: World) -> bool:
+    """Whether the World has what `World` says of `alike` and `exchanged`."""
+    return hasattr(world, "alike") and hasattr(world, "exchanged")
+
+
+class ReducedWorld:
+    """The World with fewer actions: those that an exchange makes an earlier action of are left out.
+
+    Earlier in alphabetical order, so that it does not depend on the state. One action is left of all that
+    exchanges make of one another.
+    """
+
+    def __init__(self, world: Any) -> None:
+        self.world, self.tasks, self.cue_names = world, world.tasks, world.cue_names
+        self._masks: dict[Any, tuple[int, int]] = {}
+
+    def start(self) -> Reduced:
+        """The World's, with nothing alike."""
+        return Reduced(self.world.start(), 0)
+
+    def actions(self, at: Reduced) -> Sequence[Any]:
+        """Those left, in canonical order."""
+        actions: Sequence[Any] = self.world.actions(at.state)
+        if at.pairs == 0:
+            return actions
+        return [action for action in actions if not self._exchanges(action)[1] & at.pairs]
+
+    def step(self, at: Reduced, action: Any) -> Reduced:
+        """The next state; what the action does not change is as much alike as before."""
+        pairs = at.pairs and at.pairs & ~self._exchanges(action)[0]
+        return Reduced(self.world.step(at.state, action), pairs)
+
+    def cues(self, at: Reduced) -> NDArray[np.bool_]:
+        """The World's."""
+        return np.asarray(self.world.cues(at.state), dtype=np.bool_)
+
+    def reduced(self, belief: Belief, state: Any) -> Reduced:
+        """The state, with what neither it nor the belief tells apart."""
+        label, marginal, pairs = self.world.alike(state), belief.marginal(), 0
+        for k, (one, other) in enumerate(self.pairs):
+            if label[one] == label[other]:
+                order = self._orders[k]
+                if _close(marginal[order], marginal) and _unchanged(belief, order):
+                    pairs |= 1 << k
+        return Reduced(state, pairs)
+
+    def instead(self, at: Reduced) -> list[int] | slice:
+        """An index that gives every action of the World what is known of the one that is left for it."""
+        if at.pairs == 0:
+            return slice(None)
+        number = {action: a for a, action in enumerate(self.actions(at))}
+        return [number[self._left(action, at.pairs)] for action in self.world.actions(at.state)]
+
+    @cached_property
+    def pairs(self) -> list[tuple[Any, Any]]:
+        """The pair of bit k."""
+        return list(combinations(self.world.alike(self.world.start()), 2))[:MOST]
+
+    @cached_property
+    def _orders(self) -> list[NDArray[np.int64]]:
+        """For each pair, the number of what each task becomes."""
+        number = {task: t for t, task in enumerate(self.tasks)}
+        exchanged = self.world.exchanged
+        return [np.array([number[exchanged(task, *pair)] for task in self.tasks]) for pair in self.pairs]
+
+    def _exchanges(self, action: Any) -> tuple[int, int]:
+        """The pairs whose exchange changes the action, and those that make an earlier one of it."""
+        found = self._masks.get(action)
+        if found is None:
+            own, changes, earlier = str(action), 0, 0
+            for k, pair in enumerate(self.pairs):
+                other = str(self.world.exchanged(action, *pair))
+                changes |= (other != own) << k
+                earlier |= (other < own) << k
+            found = self._masks[action] = changes, earlier
+        return found
+
+    def _left(self, action: Any, pairs: int) -> Any:
+        while earlier := self._exchanges(action)[1] & pairs:
+            action = self.world.exchanged(action, *self.pairs[earlier.bit_length() - 1])
+        return action
+
+
+def _close(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+    return bool((np.abs(one - other) <= ROUNDING * other).all())
+
+
+def _unchanged(belief: Belief, order: NDArray[np.int64]) -> bool:
+    """Whether the belief is the same when task t becomes task order[t]."""
+    exchanged = order[belief.task]
+    own, new = np.argsort(belief.task, kind="stable"), np.argsort(exchanged, kind="stable")
+    return bool(
+        (belief.task[own] == exchanged[new]).all()
+        and _close(belief.weight[new], belief.weight[own])
+        and (belief.level[own] == belief.level[new]).all()
+        and (belief.on_time[own] == belief.on_time[new]).all()
+        and (belief.seen == belief.seen[:, :, order]).all()
+    )
