@@ -19,7 +19,7 @@ and `exact` by action.
 
 import numpy as np
 
-from taskcomm._actions import bounds_on, first_steps, last_two, least_of
+from taskcomm._actions import bounds_on, first_steps, last_two, least_of, second_told
 from taskcomm._arrays import (
     AT,
     BOUND,
@@ -44,7 +44,7 @@ from taskcomm._arrays import (
     VALUE,
 )
 from taskcomm._bounds import gains, least_future
-from taskcomm._channel import cost_of_press, descend, go_on, lay_out, merge, show, told_next
+from taskcomm._channel import cost_of_press, descend, go_on, lay_out, merge, show
 from taskcomm._entropy import compiled
 from taskcomm._roots import crowded, forget, plant
 
@@ -96,8 +96,7 @@ def _descend(teacher, graph, path, histories, groups, frames, depth, action, lim
     child = graph.successor[graph.first[path.trail[depth]] + action]
     expected, mass = table[depth, EXPECTED, action], table[depth, PRESSES, action]
     show(teacher, graph, histories, groups, frames, child, depth)
-    go_on(teacher, path, histories, groups, frames, depth, ON_PRESS)
-    told = told_next(teacher, graph, histories, groups, frames, child, depth, mass)
+    told = second_told(teacher, graph, path, histories, groups, frames, ON_PRESS, child, depth, mass)
     bound = least_of(frames, depth, action, table[depth, TOLD, action] + told, steps, gamma)
     table[depth, BOUND, action] = max(table[depth, BOUND, action], bound)
     if bound >= limit:

@@ -23,8 +23,10 @@ from taskcomm._arrays import (
 from taskcomm._histories import history_after, step_of
 from taskcomm._roots import crowded, forget, plant
 from taskcomm.belief import Belief
+from taskcomm.planner import EntropyPlanner
 from taskcomm.searching import Search
-from taskcomm.world import World
+from taskcomm.teacher import TeacherModel
+from taskcomm.world import BallWorld, World
 from taskcomm.worldgraph import WorldGraph
 
 LONG = 9
@@ -134,8 +136,6 @@ def test_what_is_not_forgotten_goes_on_as_before() -> None:
 
 
 def test_a_search_with_so_little_room_that_it_must_forget_finds_the_same() -> None:
-    from taskcomm import BallWorld, EntropyPlanner, TeacherModel
-
     world, model = BallWorld(), TeacherModel.intuitive()
     belief, state = Belief.initial(world, model), world.start()
     for number, action in enumerate(world.actions(state)[1:4]):

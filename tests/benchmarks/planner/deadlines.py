@@ -36,7 +36,8 @@ def reached(situations: Situations, seconds: float) -> dict[str, Any]:
         if time.perf_counter() - began > seconds:
             break
         situation = found[index]
-        planner.plan(*situation.before, False, DEADLINE)  # the world near it is known, as on the way
+        believed, before = situation.before
+        planner.plan(believed, before, deadline=DEADLINE)  # the world near it is known, as on the way
         started = time.perf_counter()
         decision = planner.plan(situation.belief, situation.state, deadline=DEADLINE)
         late.append((time.perf_counter() - started - DEADLINE) / model.dt)
