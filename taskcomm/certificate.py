@@ -67,8 +67,8 @@ def certificate(
 
     since the least is either at the chosen action or at another. Up to `tie` (nats) counts as 0.
     """
-    others = np.delete(lower, chosen)
-    regret = max(0.0, float(upper[chosen] - others.min(initial=np.inf)))
+    others = [bound for a, bound in enumerate(lower.tolist()) if a != chosen]
+    regret = max(0.0, float(upper[chosen]) - min(others, default=np.inf))
     return Certificate(
         horizon=horizon,
         lower=dict(zip(actions, lower.tolist(), strict=True)),

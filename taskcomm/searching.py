@@ -109,10 +109,9 @@ def _teacher(belief: Belief) -> Teacher:
 def _path(belief: Belief, root: int, horizon: int) -> Path:
     p = belief.parameters
     bits = (1 << np.arange(len(p.peak))).astype(np.uint16)[None, :, None]
-    past = np.where(belief.seen, bits, np.uint16(0)).sum(axis=1).astype(np.uint16)
-    if not (p.steps_late.any() or p.part_late.any()):
-        past = past[-1:]  # nothing before is still to be seen
-    return Path(past, np.full(horizon + 1, root))
+    late = p.steps_late.any() or p.part_late.any()
+    seen = belief.seen if late else belief.seen[-1:]  # nothing before is still to be seen
+    return Path((seen * bits).sum(axis=1, dtype=np.uint16), np.full(horizon + 1, root))
 
 
 def row_bytes(belief: Belief) -> int:
