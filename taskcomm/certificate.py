@@ -8,7 +8,7 @@ and x_1 + ... + gamma^(j-1) x_j >= Q_j for every horizon j that was searched. Th
 these alone; nothing is assumed of returns, which need not decrease.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -59,15 +59,22 @@ class Certificate:
 
 
 def certificate(
-    actions: Sequence[Any], chosen: int, horizon: int, lower: Floats, upper: Floats, tie: float
+    actions: Sequence[Any],
+    chosen: int,
+    horizon: int,
+    lower: Floats,
+    upper: Floats,
+    tie: float,
+    same: Collection[int] = (),
 ) -> Certificate:
     """What bounds on Q_horizon prove of the action `chosen`.
 
         Q(chosen) - min_a Q(a) <= max(0, upper(chosen) - min_{a not chosen} lower(a))
 
-    since the least is either at the chosen action or at another. Up to `tie` (nats) counts as 0.
+    since the least is either at the chosen action or at another; `same` are actions whose Q is that of the
+    chosen one, whatever it is. Up to `tie` (nats) counts as 0.
     """
-    others = [bound for a, bound in enumerate(lower.tolist()) if a != chosen]
+    others = [bound for a, bound in enumerate(lower.tolist()) if a != chosen and a not in same]
     regret = max(0.0, float(upper[chosen]) - min(others, default=np.inf))
     return Certificate(
         horizon=horizon,

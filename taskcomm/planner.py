@@ -163,24 +163,26 @@ class EntropyPlanner:
     ) -> Decision:
         """The decision of the last search that ended, certified by all that began."""
         actions = tuple(self.world.actions(asked.state))
-        instead = self._reduced.instead(at) if self._reduced and isinstance(at, Reduced) else slice(None)
-        bound, exact, at_most = search.bound[instead], search.exact[instead], search.at_most[instead]
-        least = float(bound[exact].min())
-        tied = [a for a in range(len(actions)) if exact[a] and bound[a] <= least + TIE]
-        others = [float(bound[a]) for a in range(len(actions)) if a not in tied]
+        instead = self._instead(at, len(actions))
+        found = list(zip(search.bound.tolist(), search.exact.tolist(), search.at_most.tolist(), strict=True))
+        bound, exact, at_most = zip(*[found[a] for a in instead], strict=True)
+        least = min(value for value, known in zip(bound, exact, strict=True) if known)
+        tied = [a for a, value in enumerate(bound) if exact[a] and value <= least + TIE]
+        others = [value for a, value in enumerate(bound) if a not in tied]
         chosen = tied[0] if self.ties == "first" else tied[int(self._random.integers(len(tied)))]
-        enclosed = self._enclosed(looked, asked.belief, search.horizon == self.horizon)
-        lower, upper = (bounds[instead] for bounds in enclosed)
+        lower, upper = self._enclosed(looked, asked.belief, search.horizon == self.horizon)
+        same = [a for a, other in enumerate(instead) if other == instead[chosen]]
+        proof = certificate(actions, chosen, self.horizon, lower[instead], upper[instead], TIE, same)
         return Decision(
             action=actions[chosen],
-            values={actions[a]: float(bound[a]) for a in np.flatnonzero(exact)},
-            bounds={actions[a]: float(bound[a]) for a in np.flatnonzero(~exact)},
-            upper_bounds={actions[a]: float(at_most[a]) for a in np.flatnonzero(~exact)},
+            values={action: bound[a] for a, action in enumerate(actions) if exact[a]},
+            bounds={action: bound[a] for a, action in enumerate(actions) if not exact[a]},
+            upper_bounds={action: at_most[a] for a, action in enumerate(actions) if not exact[a]},
             ties=tuple(actions[a] for a in tied),
-            gap=min(others, default=np.inf) - least,
+            gap=min(others, default=math.inf) - least,
             horizon=search.horizon,
             nodes=search.nodes,
-            certificate=certificate(actions, chosen, self.horizon, lower, upper, TIE),
+            certificate=proof,
             seconds=time.perf_counter() - started,
             asked=asked,
         )
@@ -190,6 +192,12 @@ class EntropyPlanner:
         if self._reduced is None or self._tree is not None:
             return state
         return self._reduced.reduced(belief, state)
+
+    def _instead(self, at: Hashable, actions: int) -> list[int]:
+        """By action, the number of the one that was searched for it."""
+        if self._reduced is None or not isinstance(at, Reduced) or at.pairs == 0:
+            return list(range(actions))
+        return self._reduced.instead(at)
 
     def _enclosed(self, looked: list[Looked], belief: Belief, ended: bool) -> tuple[Floats, Floats]:
         """Lower and upper bounds on Q at the planner's horizon."""

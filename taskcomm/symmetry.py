@@ -76,10 +76,8 @@ class ReducedWorld:
                     pairs |= 1 << k
         return Reduced(state, pairs)
 
-    def instead(self, at: Reduced) -> list[int] | slice:
-        """An index that gives every action of the World what is known of the one that is left for it."""
-        if at.pairs == 0:
-            return slice(None)
+    def instead(self, at: Reduced) -> list[int]:
+        """By action of the World, the number of the one that is left for it."""
         number = {action: a for a, action in enumerate(self.actions(at))}
         return [number[self._left(action, at.pairs)] for action in self.world.actions(at.state)]
 

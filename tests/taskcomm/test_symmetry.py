@@ -152,6 +152,19 @@ def test_with_a_deadline_bounds_hold_of_all_balls() -> None:
         assert hasty.certificate.lower[action] - EXACT <= value <= hasty.certificate.upper[action] + EXACT
 
 
+def test_actions_that_are_worth_the_same_are_no_regret() -> None:
+    belief, state = after(uniform(4))
+    planner = EntropyPlanner(belief.world, MODEL, 8)
+    proof = planner.plan(belief, state, deadline=0.02).certificate
+    assert proof is not None
+    assert not proof.optimal
+    lights = [action for action in proof.lower if action.name == "light_on"]
+    assert len({(proof.lower[light], proof.upper[light]) for light in lights}) == 1
+    others = min(bound for action, bound in proof.lower.items() if action not in lights)
+    assert proof.regret == max(0.0, proof.upper[lights[0]] - others)
+    assert proof.regret < proof.upper[lights[0]] - proof.lower[lights[0]]
+
+
 def test_more_balls_than_are_looked_at() -> None:
     belief, state = after(uniform(13, 1))
     assert len(alike(belief, state)) == MOST
