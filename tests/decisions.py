@@ -15,6 +15,7 @@ from trees import assert_decides_as
 
 from taskcomm.belief import Belief
 from taskcomm.planner import EntropyPlanner
+from taskcomm.symmetry import ReducedWorld, says_what_is_alike
 from taskcomm.teacher import TeacherModel
 from taskcomm.world import BallWorld, World
 
@@ -181,9 +182,11 @@ def counted(of: Group) -> Counter[str]:
     if isinstance(of.world, BallWorld):
         has |= {f"{of.world.num_balls} balls": True, f"{of.world.num_distances} distances": True}
     counts = Counter({name: many for name, holds in has.items() if holds})
-    for kind, belief, _ in of.situations:
+    reduced = ReducedWorld(of.world) if says_what_is_alike(of.world) else None
+    for kind, belief, state in of.situations:
         counts.update([kind, *(f"over {rows} rows" for rows in (100, 300) if len(belief.task) > rows)])
         counts["resting now"] += belief.resting
+        counts["things alike"] += reduced is not None and reduced.reduced(belief, state).pairs > 0
     return counts
 
 

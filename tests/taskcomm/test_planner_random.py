@@ -91,6 +91,7 @@ def test_the_thousands_hold_what_they_promise() -> None:
     for kind in KINDS:
         assert total[kind.__name__] >= 1_000, kind
     assert total["resting now"] >= 500
+    assert total["things alike"] >= 1_000
     assert total["over 100 rows"] >= 500
     assert total["over 300 rows"] >= 200
     for size in ("GraphWorld", "Menu", "2 balls", "3 balls", "4 balls"):
