@@ -69,7 +69,7 @@ def certificate(
 ) -> Certificate:
     """What bounds on Q_horizon prove of the action `chosen`.
 
-        Q(chosen) - min_a Q(a) <= max(0, upper(chosen) - min_{a not chosen} lower(a))
+        Q(chosen) - min_a Q(a) <= max(0, upper(chosen) - min_{a not chosen, not same} lower(a))
 
     since the least is either at the chosen action or at another; `same` are actions whose Q is that of the
     chosen one, whatever it is. Up to `tie` (nats) counts as 0.

@@ -31,15 +31,27 @@ class Reduced(NamedTuple):
 
 
 def says_what_is_alike(world: World) -> bool:
-    """Whether the World has what `World` says of `alike` and `exchanged`."""
-    return hasattr(world, "alike") and hasattr(world, "exchanged")
+    """Whether the World has `alike` and `exchanged`, and they speak of it as it is.
+
+    Not so where a class has them from another whose tasks, actions, states or cues it has changed.
+    """
+    said = [_defined(world, name) for name in ("alike", "exchanged")]
+    done = [_defined(world, name) for name in ("tasks", "start", "actions", "step", "cues")]
+    return None not in said and all(a <= b for a in said for b in done if a is not None and b is not None)
+
+
+def _defined(world: World, name: str) -> int | None:
+    """How far up the classes of the world an attribute is defined; -1 for a method of its own."""
+    if callable(getattr(world, "__dict__", {}).get(name)):
+        return -1
+    return next((k for k, one in enumerate(type(world).__mro__) if name in vars(one)), None)
 
 
 class ReducedWorld:
     """The World with fewer actions: those that an exchange makes an earlier action of are left out.
 
-    Earlier in alphabetical order, so that it does not depend on the state. One action is left of all that
-    exchanges make of one another.
+    Earlier as text, the shorter first, so that it does not depend on the state. One action is left of all
+    that exchanges make of one another. Raises ValueError where an exchange makes what is no task or action.
     """
 
     def __init__(self, world: Any) -> None:
@@ -68,18 +80,34 @@ class ReducedWorld:
 
     def reduced(self, belief: Belief, state: Any) -> Reduced:
         """The state, with what neither it nor the belief tells apart."""
-        label, marginal, pairs = self.world.alike(state), belief.marginal(), 0
-        for k, (one, other) in enumerate(self.pairs):
-            if label[one] == label[other]:
-                order = self._orders[k]
-                if _close(marginal[order], marginal) and _unchanged(belief, order):
-                    pairs |= 1 << k
+        told, bit, pairs = _Told(belief), self._bit, 0
+        groups: list[list[Any]] = []
+        label = self.world.alike(state)
+        for thing in label:
+            for group in groups:  # what is alike to one of a group is alike to all
+                pair = group[0], thing
+                if (
+                    label[group[0]] == label[thing]
+                    and pair in bit
+                    and told.unchanged(self._orders[bit[pair]])
+                ):
+                    pairs |= sum(1 << bit[one, thing] for one in group if (one, thing) in bit)
+                    group.append(thing)
+                    break
+            else:
+                groups.append([thing])
         return Reduced(state, pairs)
 
     def instead(self, at: Reduced) -> list[int]:
         """By action of the World, the number of the one that is left for it."""
         number = {action: a for a, action in enumerate(self.actions(at))}
-        return [number[self._left(action, at.pairs)] for action in self.world.actions(at.state)]
+        left = [self._left(action, at.pairs) for action in self.world.actions(at.state)]
+        for action in left:
+            if action not in number:
+                raise ValueError(
+                    f"alike: exchanges make {action} of an action in {at}, where there is none such"
+                )
+        return [number[action] for action in left]
 
     @cached_property
     def pairs(self) -> list[tuple[Any, Any]]:
@@ -87,19 +115,28 @@ class ReducedWorld:
         return list(combinations(self.world.alike(self.world.start()), 2))[:MOST]
 
     @cached_property
+    def _bit(self) -> dict[tuple[Any, Any], int]:
+        return {pair: k for k, pair in enumerate(self.pairs)}
+
+    @cached_property
     def _orders(self) -> list[NDArray[np.int64]]:
         """For each pair, the number of what each task becomes."""
         number = {task: t for t, task in enumerate(self.tasks)}
-        exchanged = self.world.exchanged
-        return [np.array([number[exchanged(task, *pair)] for task in self.tasks]) for pair in self.pairs]
+        orders = []
+        for pair in self.pairs:
+            become = [self.world.exchanged(task, *pair) for task in self.tasks]
+            if set(become) != number.keys():
+                raise ValueError(f"alike: to exchange {pair[0]} and {pair[1]} makes of tasks what is none")
+            orders.append(np.array([number[task] for task in become]))
+        return orders
 
     def _exchanges(self, action: Any) -> tuple[int, int]:
         """The pairs whose exchange changes the action, and those that make an earlier one of it."""
         found = self._masks.get(action)
         if found is None:
-            own, changes, earlier = str(action), 0, 0
+            own, changes, earlier = _order(action), 0, 0
             for k, pair in enumerate(self.pairs):
-                other = str(self.world.exchanged(action, *pair))
+                other = _order(self.world.exchanged(action, *pair))
                 changes |= (other != own) << k
                 earlier |= (other < own) << k
             found = self._masks[action] = changes, earlier
@@ -111,18 +148,35 @@ class ReducedWorld:
         return action
 
 
+def _order(action: Any) -> tuple[int, str]:
+    text = str(action)
+    return len(text), text
+
+
+class _Told:
+    """What a belief tells apart."""
+
+    def __init__(self, belief: Belief) -> None:
+        self.belief, self.marginal = belief, belief.marginal()
+
+    def unchanged(self, order: NDArray[np.int64]) -> bool:
+        """Whether the belief is the same when task t becomes task order[t]."""
+        if not _close(self.marginal[order], self.marginal):
+            return False
+        belief, own = self.belief, self._rows
+        new = np.argsort(order[belief.task], kind="stable")
+        return bool(
+            (belief.task[own] == order[belief.task][new]).all()
+            and _close(belief.weight[new], belief.weight[own])
+            and (belief.level[own] == belief.level[new]).all()
+            and (belief.on_time[own] == belief.on_time[new]).all()
+            and (belief.seen == belief.seen[:, :, order]).all()
+        )
+
+    @cached_property
+    def _rows(self) -> NDArray[np.int64]:
+        return np.argsort(self.belief.task, kind="stable")
+
+
 def _close(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
     return bool((np.abs(one - other) <= ROUNDING * other).all())
-
-
-def _unchanged(belief: Belief, order: NDArray[np.int64]) -> bool:
-    """Whether the belief is the same when task t becomes task order[t]."""
-    exchanged = order[belief.task]
-    own, new = np.argsort(belief.task, kind="stable"), np.argsort(exchanged, kind="stable")
-    return bool(
-        (belief.task[own] == exchanged[new]).all()
-        and _close(belief.weight[new], belief.weight[own])
-        and (belief.level[own] == belief.level[new]).all()
-        and (belief.on_time[own] == belief.on_time[new]).all()
-        and (belief.seen == belief.seen[:, :, order]).all()
-    )

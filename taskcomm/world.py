@@ -27,10 +27,12 @@ class World(Protocol):
     - `route(state, task) -> sequence of actions`: a shortest way to such a state (without it,
       breadth-first search finds one);
     - `spec() -> dict`: what a log needs to build the World again;
-    - `alike(state) -> mapping`: for each thing in the world, always in the same order, a label: those with
-      the same label may be exchanged for one another without changing the state; and
-      `exchanged(value, one, other)`: what becomes of a task or an action when two things are exchanged.
-      Of actions that differ in nothing else, the planner looks at one;
+    - `alike(state) -> mapping`: for each thing in the world, the same ones in every state, a label: to
+      exchange two with the same label does not change the state; and `exchanged(value, one, other)`: what
+      becomes of a task or an action when two things are exchanged, which undoes itself. Tasks, actions,
+      steps and cues must be those of the world with the two exchanged. Of actions that differ in nothing
+      else, the planner over an exact key looks at one. A class that changes any of these must say anew what
+      is alike, or the planner looks at all;
     - `roles(task) -> mapping`: the role under `task` of everything that a signal may be about (a look at a
       ball), by its name; the same names under every task.
     """
