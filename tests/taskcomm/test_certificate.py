@@ -231,7 +231,7 @@ def test_no_garbage_is_collected_between_the_start_of_a_deadline_and_the_decisio
 
     gc.callbacks.append(collecting)
     try:
-        planner.plan(belief, world.start(), deadline=0.3)
+        planner.plan(belief, world.start(), deadline=1.0)
         due = gc.get_count()[0]
     finally:
         gc.callbacks.remove(collecting)
