@@ -195,9 +195,9 @@ class EntropyPlanner:
 
     def _instead(self, at: Hashable, actions: int) -> list[int]:
         """By action, the number of the one that was searched for it."""
-        if self._reduced is None or not isinstance(at, Reduced) or at.pairs == 0:
-            return list(range(actions))
-        return self._reduced.instead(at)
+        if self._reduced is not None and isinstance(at, Reduced) and at.pairs:
+            return self._reduced.instead(at)
+        return list(range(actions))
 
     def _enclosed(self, looked: list[Looked], belief: Belief, ended: bool) -> tuple[Floats, Floats]:
         """Lower and upper bounds on Q at the planner's horizon."""

@@ -240,7 +240,7 @@ def test_a_world_that_changed_what_another_said_was_alike_is_looked_at_as_a_whol
     assert says_what_is_alike(type("Anew", (Dim,), {"alike": lambda *_: {}, "exchanged": lambda *_: None})())
     assert not says_what_is_alike(Silent(BallWorld()))
     mended = Join()
-    mended.actions = lambda state: ["ab"]  # type: ignore[method-assign]
+    vars(mended)["actions"] = lambda state: ["ab"]
     assert not says_what_is_alike(mended)
     world = Dim()
     belief = Belief.initial(world, MODEL)
@@ -252,16 +252,17 @@ def test_a_world_that_changed_what_another_said_was_alike_is_looked_at_as_a_whol
 def test_what_an_exchange_cannot_make_is_one_clear_error() -> None:
     world = Join()
     world.tasks = world.tasks[:-1]
+    model = random_model(np.random.default_rng(0), world)
+    planner, belief = EntropyPlanner(world, model, 2), Belief.initial(world, model)
     with pytest.raises(ValueError, match="exchange a and c makes of tasks what is none"):
-        EntropyPlanner(world, random_model(np.random.default_rng(0), world), 2).plan(
-            Belief.initial(world, random_model(np.random.default_rng(0), world)), ""
-        )
+        planner.plan(belief, "")
     world = type("Lame", (Join,), {"actions": lambda self, state: ["wait", "cd"]} | {
         name: getattr(Join, name) for name in ("alike", "exchanged")
     })()  # fmt: skip
     model = random_model(np.random.default_rng(0), world)
+    planner, belief = EntropyPlanner(world, model, 2), Belief.initial(world, model)
     with pytest.raises(ValueError, match="exchanges make ab of an action in"):
-        EntropyPlanner(world, model, 2).plan(Belief.initial(world, model), "")
+        planner.plan(belief, "")
 
 
 def test_a_key_that_errs_is_looked_ahead_of_as_a_whole() -> None:
