@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from taskcomm import _arrays
 from taskcomm._arrays import Frames, Given, Graph, Groups, Histories, Path, Teacher
 from taskcomm.belief import Belief
 from taskcomm.levels import Bools, Floats
+from taskcomm.teacher import TeacherModel
 from taskcomm.worldgraph import WorldGraph
 
 SLICE = 400  # nodes between two looks at the clock: about a millisecond
@@ -16,10 +18,18 @@ UNBOUNDED = 1 << 62
 
 
 class Workspace:
-    """What a search leaves to the next one: room for histories."""
+    """What a search leaves to the next one: the model as arrays, and room for histories."""
 
     def __init__(self) -> None:
         self._histories: Histories | None = None
+        self._teacher: tuple[TeacherModel, Sequence[str], Teacher] | None = None
+
+    def teacher(self, belief: Belief) -> Teacher:
+        """The model of the belief."""
+        model, names, known = belief.model, belief.world.cue_names, self._teacher
+        if known is None or known[0] != model or known[1] != names:
+            known = self._teacher = model, names, _teacher(belief)
+        return known[2]
 
     def histories(self, belief: Belief, rows: int) -> Histories:
         """Room for `rows` rows; what is in it is of searches before."""
@@ -54,7 +64,8 @@ class Search:
     ) -> None:
         from taskcomm import _search  # numba is loaded, and the kernel compiled, only when it is needed
 
-        teacher, frames = _teacher(belief), _frames(belief, graph, horizon)
+        workspace = workspace or Workspace()
+        teacher, frames = workspace.teacher(belief), _frames(belief, graph, horizon)
         world = Graph(
             *(graph.first, graph.count, graph.successor, graph.pattern),
             *(graph.slot, graph.reach, graph.climb),
@@ -63,8 +74,8 @@ class Search:
         start = horizon, belief.since_press, belief.entropy(), slack, gamma
         self.horizon, self.nodes, self.fits = horizon, 0, True
         self._kernel, self._resume = _search.search, -1
-        path, given, groups = _path(belief, root, horizon), _given(belief), _groups(belief, graph, horizon)
-        workspace = workspace or Workspace()
+        path, given = _path(belief, teacher, root, horizon), _given(belief)
+        groups = _groups(belief, graph, horizon)
         histories = workspace.histories(belief, capacity)
         self._arguments = teacher, world, path, given, histories, groups, frames, *start
         count = int(graph.count[root])
@@ -106,12 +117,12 @@ def _teacher(belief: Belief) -> Teacher:
     return Teacher(top, p.mistake, p.rest_steps, bool(plain))
 
 
-def _path(belief: Belief, root: int, horizon: int) -> Path:
+def _path(belief: Belief, teacher: Teacher, root: int, horizon: int) -> Path:
     p = belief.parameters
-    bits = (1 << np.arange(len(p.peak))).astype(np.uint16)[None, :, None]
-    late = p.steps_late.any() or p.part_late.any()
+    late = not teacher.plain and (p.steps_late.any() or p.part_late.any())
     seen = belief.seen if late else belief.seen[-1:]  # nothing before is still to be seen
-    return Path((seen * bits).sum(axis=1, dtype=np.uint16), np.full(horizon + 1, root))
+    bits = 1 << np.arange(len(p.peak), dtype=np.uint16)
+    return Path(bits @ seen, np.full(horizon + 1, root))
 
 
 def row_bytes(belief: Belief) -> int:
@@ -121,16 +132,19 @@ def row_bytes(belief: Belief) -> int:
 
 
 def _given(belief: Belief) -> Given:
-    columns = [belief.weight[:, None], belief.level]
-    if np.isfinite(belief.parameters.decay).any():
-        columns.append(belief.on_time)
-    return Given(belief.task.astype(np.int64), np.ascontiguousarray(np.hstack(columns), dtype=np.float64))
+    rows, states = belief.level.shape
+    row = np.empty((rows, _arrays.LEVEL + states * (1 + belief.parameters.decays)))
+    row[:, _arrays.WEIGHT] = belief.weight
+    row[:, _arrays.LEVEL : _arrays.LEVEL + states] = belief.level
+    if belief.parameters.decays:
+        row[:, _arrays.LEVEL + states :] = belief.on_time
+    return Given(belief.task.astype(np.int64, copy=False), row)
 
 
 def _histories(belief: Belief, rows: int) -> Histories:
     """Room for `rows` rows, half as many histories and as many steps."""
     p = belief.parameters
-    states, decays = len(p.peak), bool(np.isfinite(p.decay).any())
+    states, decays = len(p.peak), p.decays
     number = rows // 2 + 1
     return Histories(
         edge=np.empty((number, _arrays.SLOTS), dtype=np.uint32),

@@ -157,11 +157,11 @@ class _Told:
     """What a belief tells apart."""
 
     def __init__(self, belief: Belief) -> None:
-        self.belief, self.marginal = belief, belief.marginal()
+        self.belief = belief
 
     def unchanged(self, order: NDArray[np.int64]) -> bool:
         """Whether the belief is the same when task t becomes task order[t]."""
-        if not _close(self.marginal[order], self.marginal):
+        if not _close(self._marginal[order], self._marginal):
             return False
         belief, own = self.belief, self._rows
         new = np.argsort(order[belief.task], kind="stable")
@@ -172,6 +172,10 @@ class _Told:
             and (belief.on_time[own] == belief.on_time[new]).all()
             and (belief.seen == belief.seen[:, :, order]).all()
         )
+
+    @cached_property
+    def _marginal(self) -> NDArray[np.float64]:
+        return self.belief.marginal()
 
     @cached_property
     def _rows(self) -> NDArray[np.int64]:
