@@ -18,12 +18,11 @@ PEAK, UP, DOWN, FIRST_UP, FIRST_DOWN, FIRST, LAST, LATE, DECAY, HOLD = range(10)
 BEGIN, END, BEFORE, SHOWN, DEPTH, SINCE, TASK, BRANCH = range(8)  # columns of Histories.of
 MASS, M_LN_M, HIGHEST_SECOND, LIKELY = range(4)  # columns of Histories.has: LIKELY and what follows
 SILENTLY, ON_PRESS = range(2)  # branches
-STEP = np.dtype([
-    ("press", np.float64), ("apart", np.float64), ("shown", np.uint32), ("next", np.uint32),
-    ("silently", np.uint32), ("on_press", np.uint32),
-])  # fmt: skip
+STEP = np.dtype([("press", np.float64), ("apart", np.float64)])
+LINK = np.dtype([("next", np.uint32), ("silently", np.uint32), ("on_press", np.uint32)])
+NOTHING = 0xFFFFFFFF  # shown: no pattern
 USED_HISTORIES, USED_STEPS, USED_ROWS, FULL, KEPT_HISTORIES, KEPT_ROWS = range(6)  # of Histories.used
-SLOTS = 8  # steps of a history found at once, by the lowest bits of their patterns
+SLOTS = 8  # steps of a history that have their own place, found by the lowest bits of their patterns
 HIGHEST, OTHERS, BEST, INFORMATION, CAPACITY, REACHED, ALL = range(7)  # columns of Frames.gain
 EXPECTED, PRESSES, BOUND, TOLD = range(4)  # rows of Frames.table[depth]
 COST, CUTOFF, SLACK, LEAST, ROOM, LEAST_PRESS, PRESS, VALUE = range(8)  # columns of Frames.real
@@ -82,20 +81,22 @@ class Histories(NamedTuple):
     `ahead[r, m, shown]` is (level, P(M = m), on-time) of row r a step on, whether that shows the cue or
     not.
 
-    `step[s]` showed the pattern `shown`; `press` is the weight of a press, `apart` that of what the step
-    may observe times its logarithm, less that of the weight before. It leads to the histories `silently`
-    and `on_press`, 0 where they are not worked out. `edge[h, shown % SLOTS]` is the first of h's steps with
-    these bits, `next` the one after it, 0 for none. Number 0 of both stands for what there is no room for.
+    Step s showed the pattern `shown[s]`; in `step[s]`, `press` is the weight of a press, `apart` that of what
+    the step may observe times its logarithm, less that of the weight before. By `link[s]` it leads to the
+    histories `silently` and `on_press`, 0 where they are not worked out, and to the `next` step of its
+    history with the same lowest bits, 0 for none: the first of these is number SLOTS * h + shown % SLOTS, the
+    others come after all first ones. Number 0 of both stands for what there is no room for.
     `owner[r]` is the history whose rows begin with r, `renamed` room to forget some; `used` says how much
     of all this is.
     """
 
-    edge: Numbers
     of: Ints
     has: Floats
     row: Floats
     ahead: Floats
+    shown: Numbers
     step: NDArray[Any]
+    link: NDArray[Any]
     owner: Numbers
     renamed: Numbers
     used: Ints

@@ -36,7 +36,7 @@ from taskcomm._arrays import (
     WEIGHT,
 )
 from taskcomm._entropy import compiled, divergence, h2
-from taskcomm._histories import seen
+from taskcomm._rows import seen
 
 
 @compiled

@@ -16,7 +16,8 @@ import numpy as np
 from taskcomm._arrays import BEGIN, GROUPS, MASS
 from taskcomm._bits import lowest
 from taskcomm._entropy import called, compiled, fused, log, xlogx
-from taskcomm._histories import fill, history_after, step_of
+from taskcomm._histories import history_after, step_of
+from taskcomm._rows import fill
 
 NEVER = 1e-280  # of a mass: nothing can be said of so little
 
@@ -110,16 +111,19 @@ def most_told(channel, choices, mass):
     The entropy of the output is concave in the mass of presses, so a line that touches it says which
     actions cannot tell the most.
     """
-    press = channel[0, 0]
-    steep = press > NEVER and mass - press > NEVER
-    slope = log((mass - press) / press) if steep else 0.0
-    base = told_by(mass, press, 0.0)
+    whole, press = xlogx(mass), channel[0, 0]
+    rest, slope = mass - press, np.inf
+    if press > NEVER and rest > NEVER:
+        pressed, silent = log(press), log(rest)
+        base, slope = whole - press * pressed - rest * silent, silent - pressed
+    else:
+        base = whole - xlogx(press) - xlogx(rest)
     most = max(0.0, base + channel[0, 1])
     for c in range(1, choices):
         more, further = channel[c, 0], channel[c, 1]
-        if steep and base + slope * (more - press) + further <= most:
+        if slope < np.inf and base + slope * (more - press) + further <= most:
             continue
-        most = max(most, told_by(mass, more, further))
+        most = max(most, whole - xlogx(more) - xlogx(mass - more) + further)
     return most
 
 

@@ -26,22 +26,14 @@ from taskcomm._arrays import (
     BEFORE,
     BEGIN,
     BRANCH,
-    DECAY,
     DEPTH,
     DOWN,
     END,
-    FIRST,
-    FIRST_DOWN,
-    FIRST_UP,
     FULL,
-    HIGHEST_SECOND,
-    HOLD,
-    LAST,
-    LATE,
-    LEVEL,
     LIKELY,
     M_LN_M,
     MASS,
+    NOTHING,
     ON_PRESS,
     PEAK,
     SHOWN,
@@ -50,66 +42,11 @@ from taskcomm._arrays import (
     TASK,
     UP,
     USED_HISTORIES,
-    USED_ROWS,
     USED_STEPS,
     WEIGHT,
 )
 from taskcomm._entropy import called, compiled, fused, xlogx
-
-
-@compiled
-def seen(path, histories, h, depth):
-    """The pattern that history h showed at `depth`, at most its own; at most 0: before the search."""
-    if depth < 1:
-        return path.past[len(path.past) - 1 + depth, histories.of[h, TASK]]
-    while histories.of[h, DEPTH] > depth:
-        h = histories.of[h, BEFORE]
-    return np.uint16(histories.of[h, SHOWN])
-
-
-@compiled
-def _look_ahead(teacher, path, histories, h):
-    """Where a step from history h takes every row's approvals, with the cue shown off or on.
-
-    Where the cue is seen a step or more late, what is shown now changes nothing, and both are what h says.
-    """
-    states, depth = len(teacher.top), histories.of[h, DEPTH]
-    decays = histories.row.shape[1] > LEVEL + states
-    resting = histories.of[h, SINCE] < teacher.rest_steps
-    highest = 0.0
-    for r in range(histories.of[h, BEGIN], histories.of[h, END]):
-        second = teacher.mu
-        for m in range(states):
-            lag, bit = int(teacher.top[m, LATE]), 1 << m
-            rise, fall, peak = teacher.top[m, UP], teacher.top[m, DOWN], teacher.top[m, PEAK]
-            level, on_time = histories.row[r, LEVEL + m], 0.0
-            second += peak * min(1.0, level + 2.0 * (rise + teacher.top[m, FIRST_UP]))
-            if resting:
-                peak = 0.0
-            if decays:
-                on_time = histories.row[r, LEVEL + states + m]
-            if teacher.top[m, FIRST] > 0.0:
-                if seen(path, histories, h, depth - lag) & bit != 0:
-                    level = min(1.0, level + teacher.top[m, FIRST_UP])
-                    on_time += teacher.top[m, FIRST]
-                else:
-                    level, on_time = max(0.0, level - teacher.top[m, FIRST_DOWN]), 0.0
-            up, down, fresh = min(1.0, level + rise), max(0.0, level - fall), 1.0
-            if decays:
-                on_time += teacher.top[m, LAST]
-                if on_time > teacher.top[m, HOLD]:
-                    fresh = np.exp(-(on_time - teacher.top[m, HOLD]) / teacher.top[m, DECAY])
-            off, on = 0, 1
-            if lag > 0:
-                off = on = 1 if seen(path, histories, h, depth + 1 - lag) & bit != 0 else 0
-            for shown in range(2):
-                ahead = histories.ahead[r, m, shown]
-                if (on if shown == 1 else off) == 1:
-                    ahead[0], ahead[1], ahead[2] = up, peak * up * fresh, on_time
-                else:
-                    ahead[0], ahead[1], ahead[2] = down, peak * down, 0.0
-        highest = max(highest, second)
-    histories.has[h, HIGHEST_SECOND] = highest
+from taskcomm._rows import fill
 
 
 @compiled
@@ -123,28 +60,8 @@ def new_history(histories):
     used[USED_HISTORIES] += 1
     histories.of[h, BEGIN] = histories.of[h, END] = -1
     for slot in range(SLOTS):
-        histories.edge[h, slot] = 0
+        histories.shown[h * SLOTS + slot] = NOTHING
     return h
-
-
-@compiled
-def begun(histories, h, rows):
-    """Give history h room for so many rows; whether there is any."""
-    used = histories.used
-    if used[USED_ROWS] + rows > len(histories.row):
-        used[FULL] = 1
-        return False
-    histories.of[h, BEGIN] = used[USED_ROWS]
-    histories.owner[used[USED_ROWS]] = h
-    return True
-
-
-@compiled
-def ended(teacher, path, histories, h, end):
-    """History h has its rows, up to `end`."""
-    histories.of[h, END] = end
-    histories.used[USED_ROWS] = end
-    _look_ahead(teacher, path, histories, h)
 
 
 @compiled
@@ -188,91 +105,48 @@ def _likely_rowless(teacher, histories, k):
             )
 
 
-@called
-def _work_out(teacher, histories, h, what):
-    """The step of history h that shows `what`, which it had not; 0 where there is no room."""
-    used = histories.used
-    if h == 0 or used[USED_STEPS] >= len(histories.step):
-        used[FULL] = 1
-        return 0
-    s, slot, has = used[USED_STEPS], what & (SLOTS - 1), histories.has[h]
-    used[USED_STEPS] += 1
-    press = teacher.mu * has[MASS]
+@compiled
+def _work_out(teacher, histories, h, s, what):
+    """Make s the step of history h that shows `what`."""
+    has, press = histories.has[h], teacher.mu * histories.has[h, MASS]
     for m in range(len(teacher.top)):
         press += has[LIKELY + 2 * m + (what >> m & 1)]
-    step = histories.step[s]
+    step, link = histories.step[s], histories.link[s]
     step["press"], step["apart"] = press, xlogx(press) + xlogx(has[MASS] - press) - has[M_LN_M]
-    step["shown"], step["next"] = what, histories.edge[h, slot]
-    step["silently"] = step["on_press"] = 0
-    histories.edge[h, slot] = s
+    link["next"] = link["silently"] = link["on_press"] = 0
+    histories.shown[s] = what
+
+
+@called
+def _found(teacher, histories, h, s, what):
+    """The step of history h that shows `what`, which its first one, s, does not; 0 where there is no room."""
+    used = histories.used
+    while histories.shown[s] != NOTHING:
+        following = np.int64(histories.link[s]["next"])
+        if following == 0:
+            if used[USED_STEPS] >= len(histories.step):
+                used[FULL] = 1
+                return 0
+            following = used[USED_STEPS]
+            used[USED_STEPS] += 1
+            histories.link[s]["next"], histories.shown[following] = following, NOTHING
+        s = following
+        if histories.shown[s] == what:
+            return s
+    if h == 0:
+        used[FULL] = 1
+        return 0
+    _work_out(teacher, histories, h, s, what)
     return s
 
 
 @fused
 def step_of(teacher, histories, h, what):
     """The number of the step of history h that shows the pattern `what`."""
-    s = histories.edge[h, np.uint32(what & (SLOTS - 1))]
-    while s != 0 and histories.step[s]["shown"] != what:
-        s = histories.step[s]["next"]
-    if s == 0:
-        s = np.uint32(_work_out(teacher, histories, np.int64(h), np.int64(what)))
+    s = np.uint64(h) * np.uint64(SLOTS) + (np.uint64(what) & np.uint64(SLOTS - 1))
+    if histories.shown[s] != what:
+        s = np.uint64(_found(teacher, histories, np.int64(h), np.int64(s), np.int64(what)))
     return s
-
-
-@compiled
-def _silent_rows(teacher, histories, h, k, what):
-    """The rows of history k: those of h after a step that shows `what`, without a press."""
-    states, at = len(teacher.top), histories.of[k, BEGIN]
-    decays = histories.row.shape[1] > LEVEL + states
-    for r in range(histories.of[h, BEGIN], histories.of[h, END]):
-        pressed = teacher.mu
-        for m in range(states):
-            ahead = histories.ahead[r, m, what >> m & 1]
-            histories.row[at, LEVEL + m] = ahead[0]
-            pressed += ahead[1]
-            if decays:
-                histories.row[at, LEVEL + states + m] = ahead[2]
-        histories.row[at, WEIGHT] = histories.row[r, WEIGHT] * (1.0 - pressed)
-        at += 1
-    return at
-
-
-@compiled
-def _press_rows(teacher, histories, h, k, what):
-    """The rows of history k: those of h after a step that shows `what`, with a press.
-
-    One row becomes one for a mistake and one for each reset that is possible.
-    """
-    states, at = len(teacher.top), histories.of[k, BEGIN]
-    decays = histories.row.shape[1] > LEVEL + states
-    for r in range(histories.of[h, BEGIN], histories.of[h, END]):
-        for reset in range(-1, states):  # a mistake, then the resets
-            probability = teacher.mu if reset < 0 else histories.ahead[r, reset, what >> reset & 1, 1]
-            if probability <= 0.0:
-                continue
-            for m in range(states):
-                ahead = histories.ahead[r, m, what >> m & 1]
-                histories.row[at, LEVEL + m] = 0.0 if m == reset else ahead[0]
-                if decays:
-                    histories.row[at, LEVEL + states + m] = 0.0 if m == reset else ahead[2]
-            histories.row[at, WEIGHT] = histories.row[r, WEIGHT] * probability
-            at += 1
-    return at
-
-
-@called
-def fill(teacher, path, histories, k):
-    """Give history k, which has none, its rows; whether there was room."""
-    h, what, branch = histories.of[k, BEFORE], histories.of[k, SHOWN], histories.of[k, BRANCH]
-    rows = histories.of[h, END] - histories.of[h, BEGIN]
-    if not begun(histories, k, rows * (len(teacher.top) + 1) if branch == ON_PRESS else rows):
-        return False
-    if branch == ON_PRESS:
-        end = _press_rows(teacher, histories, h, k, what)
-    else:
-        end = _silent_rows(teacher, histories, h, k, what)
-    ended(teacher, path, histories, k, end)
-    return True
 
 
 @called
@@ -286,7 +160,7 @@ def _go_on(teacher, path, histories, h, s, branch):
     of, before, press = histories.of[k], histories.of[h], histories.step[s]["press"]
     of[BEFORE], of[SHOWN], of[DEPTH], of[TASK] = (
         h,
-        histories.step[s]["shown"],
+        histories.shown[s],
         before[DEPTH] + 1,
         before[TASK],
     )
@@ -300,16 +174,16 @@ def _go_on(teacher, path, histories, h, s, branch):
     else:
         return 0
     if branch == ON_PRESS:
-        histories.step[s]["on_press"] = k
+        histories.link[s]["on_press"] = k
     else:
-        histories.step[s]["silently"] = k
+        histories.link[s]["silently"] = k
     return k
 
 
 @fused
 def history_after(teacher, path, histories, h, s, branch):
     """The history after step s of history h, without a press or with one (`branch`: SILENTLY, ON_PRESS)."""
-    k = histories.step[s]["on_press"] if branch == ON_PRESS else histories.step[s]["silently"]
+    k = histories.link[s]["on_press"] if branch == ON_PRESS else histories.link[s]["silently"]
     if k == 0:
         k = np.uint32(_go_on(teacher, path, histories, np.int64(h), np.int64(s), branch))
     return k

@@ -11,8 +11,10 @@ from taskcomm._arrays import (
     LEVEL,
     M_LN_M,
     MASS,
+    NOTHING,
     SHOWN,
     SINCE,
+    SLOTS,
     TASK,
     USED_HISTORIES,
     USED_ROWS,
@@ -20,7 +22,8 @@ from taskcomm._arrays import (
     WEIGHT,
 )
 from taskcomm._entropy import called, compiled, xlogx
-from taskcomm._histories import begun, ended, fill, likely, new_history
+from taskcomm._histories import likely, new_history
+from taskcomm._rows import begun, ended, fill
 
 ROUNDING = 1e-13  # difference of shares that are equal but for rounding
 
@@ -70,11 +73,12 @@ def plant(teacher, path, histories, groups, given, since):
     """
     used, number, at, end = histories.used, 0, 0, len(given.task)
     used[:] = 0
-    used[USED_HISTORIES] = used[USED_STEPS] = used[KEPT_HISTORIES] = 1
-    histories.edge[0, :], histories.of[0, :], histories.has[0, :] = 0, 0, 0.0
-    nothing = histories.step[0]
-    nothing["press"] = nothing["apart"] = 0.0
-    nothing["shown"] = nothing["next"] = nothing["silently"] = nothing["on_press"] = 0
+    used[USED_HISTORIES] = used[KEPT_HISTORIES] = 1
+    used[USED_STEPS] = SLOTS * len(histories.of)
+    histories.shown[:SLOTS], histories.of[0, :], histories.has[0, :] = NOTHING, 0, 0.0
+    step, link = histories.step[0], histories.link[0]
+    step["press"] = step["apart"] = 0.0
+    link["next"] = link["silently"] = link["on_press"] = 0
     while at < end:
         begin, weight = at, 0.0
         while at < end and given.task[at] == given.task[begin]:
@@ -99,11 +103,11 @@ def plant(teacher, path, histories, groups, given, since):
 @compiled
 def crowded(histories):
     """Whether more than half of what was left when histories were last forgotten is used."""
-    used = histories.used
+    used, first_steps = histories.used, SLOTS * len(histories.of)
     return (
         2 * used[USED_HISTORIES] > used[KEPT_HISTORIES] + len(histories.of)
         or 2 * used[USED_ROWS] > used[KEPT_ROWS] + len(histories.row)
-        or 2 * used[USED_STEPS] > len(histories.step)
+        or 2 * (used[USED_STEPS] - first_steps) > len(histories.step) - first_steps
     )
 
 
@@ -155,10 +159,11 @@ def forget(teacher, path, histories, groups, number, depth):
         of[next_number, BEFORE] = renamed[of[h, BEFORE]]
         if of[h, BEGIN] >= 0:
             histories.owner[of[h, BEGIN]] = next_number
-        histories.edge[next_number, :] = 0
+        for slot in range(SLOTS):
+            histories.shown[next_number * SLOTS + slot] = NOTHING
         next_number += 1
     used[USED_HISTORIES] = used[KEPT_HISTORIES] = next_number
-    used[USED_STEPS] = 1
+    used[USED_STEPS] = SLOTS * len(of)
     for d in range(depth + 1):
         for g in range(number[d]):
             groups.history[d, g] = renamed[groups.history[d, g]]

@@ -121,7 +121,7 @@ def _path(belief: Belief, teacher: Teacher, root: int, horizon: int) -> Path:
     p = belief.parameters
     late = not teacher.plain and (p.steps_late.any() or p.part_late.any())
     seen = belief.seen if late else belief.seen[-1:]  # nothing before is still to be seen
-    bits = 1 << np.arange(len(p.peak), dtype=np.uint16)
+    bits = np.array([1 << m for m in range(len(p.peak))], dtype=np.uint16)
     return Path(bits @ seen, np.full(horizon + 1, root))
 
 
@@ -142,17 +142,19 @@ def _given(belief: Belief) -> Given:
 
 
 def _histories(belief: Belief, rows: int) -> Histories:
-    """Room for `rows` rows, half as many histories and as many steps."""
+    """Room for `rows` rows, half as many histories, and their steps."""
     p = belief.parameters
     states, decays = len(p.peak), p.decays
     number = rows // 2 + 1
+    steps = number * _arrays.SLOTS + (rows if 1 << states > _arrays.SLOTS else 0)
     return Histories(
-        edge=np.empty((number, _arrays.SLOTS), dtype=np.uint32),
         of=np.empty((number, 8), dtype=np.int64),
         has=np.empty((number, _arrays.LIKELY + 2 * states)),
         row=np.empty((rows, 1 + states * (1 + decays))),
         ahead=np.empty((rows, states, 2, 3)),
-        step=np.empty(rows, dtype=_arrays.STEP),
+        shown=np.empty(steps, dtype=np.uint32),
+        step=np.empty(steps, dtype=_arrays.STEP),
+        link=np.empty(steps, dtype=_arrays.LINK),
         owner=np.empty(rows, dtype=np.uint32),
         renamed=np.empty(number, dtype=np.uint32),
         used=np.zeros(6, dtype=np.int64),

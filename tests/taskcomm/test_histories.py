@@ -115,7 +115,7 @@ def test_a_step_is_worked_out_once_and_patterns_with_the_same_lowest_bits_are_to
     steps = [step_of(walk.teacher, walk.histories, walk.h, what) for what in patterns]
     assert len(set(steps)) == len(steps)
     assert [step_of(walk.teacher, walk.histories, walk.h, what) for what in patterns] == steps
-    assert walk.histories.step[steps]["shown"].tolist() == patterns
+    assert walk.histories.shown[steps].tolist() == patterns
 
 
 def test_what_is_not_forgotten_goes_on_as_before() -> None:
