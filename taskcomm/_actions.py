@@ -9,6 +9,7 @@ import numpy as np
 
 from taskcomm._arrays import (
     BOUND,
+    CAME,
     CAPACITY,
     COST,
     CUTOFF,
@@ -23,7 +24,7 @@ from taskcomm._arrays import (
 )
 from taskcomm._bounds import least_future, second_capacity
 from taskcomm._channel import channels, go_on, show, told_by, told_next
-from taskcomm._entropy import compiled
+from taskcomm._entropy import compiled, xlogx
 
 
 @compiled
@@ -37,21 +38,32 @@ def _place(order, keys, a):
 
 
 @compiled
-def first_steps(teacher, graph, histories, groups, frames, node, depth, total):
-    """C after every action at `node` and the mass of its press branch, into table."""
-    table, cost = frames.table[depth], frames.real[depth, COST]
-    channels(teacher, graph, histories, groups, frames, groups.history[depth], node, depth)
-    for a in range(graph.choices[node]):
-        press = groups.channel[a, 0]
-        table[PRESSES, a] = press
-        table[EXPECTED, a] = max(0.0, cost - max(0.0, told_by(total, press, groups.channel[a, 1])))
+def pressed(groups):
+    """The row of `channel` for what follows a press."""
+    return groups.channel.shape[1] - 1
 
 
 @compiled
-def second_told(teacher, graph, path, histories, groups, frames, branch, node, depth, mass):
+def first_steps(teacher, graph, histories, groups, frames, node, depth, total):
+    """C after every action at `node` and the mass of its press branch, into table.
+
+    But for the root's, `told_next` has found what they do.
+    """
+    table, cost, t_ln_t = frames.table[depth], frames.real[depth, COST], xlogx(total)
+    channel = groups.channel[max(depth - 1, 0), frames.whole[depth, CAME]]
+    if depth == 0:
+        channels(teacher, graph, histories, groups, frames, groups.history[0], node, 0, channel)
+    for a in range(graph.choices[node]):
+        press = channel[a, 0]
+        table[PRESSES, a] = press
+        table[EXPECTED, a] = max(0.0, cost - max(0.0, told_by(total, t_ln_t, press, channel[a, 1])))
+
+
+@compiled
+def second_told(teacher, graph, path, histories, groups, frames, branch, node, depth, mass, row):
     """The most that a step from `node` tells after that to it, in the branch of the weight `mass`."""
     go_on(teacher, path, histories, groups, frames, depth, branch)
-    return told_next(teacher, graph, histories, groups, frames, node, depth, mass)
+    return told_next(teacher, graph, histories, groups, frames, node, depth, mass, row)
 
 
 @compiled
@@ -64,6 +76,7 @@ def last_two(teacher, graph, path, histories, groups, frames, node, depth, total
         exact[depth, a], expected = False, table[depth, EXPECTED, a]
         table[depth, BOUND, a] = expected + gamma * max(0.0, expected - room * total)
         _place(frames.order[depth], table[depth, BOUND], a)
+    row = pressed(groups)
     for at in range(actions):
         a = frames.order[depth, at]
         cutoff = min(least + real[depth, SLACK], real[depth, CUTOFF])
@@ -73,14 +86,16 @@ def last_two(teacher, graph, path, histories, groups, frames, node, depth, total
         show(teacher, graph, histories, groups, frames, child, depth)
         expected, press = table[depth, EXPECTED, a], table[depth, PRESSES, a]
         silent = total - press
-        told = second_told(teacher, graph, path, histories, groups, frames, SILENTLY, child, depth, silent)
+        told = second_told(
+            teacher, graph, path, histories, groups, frames, SILENTLY, child, depth, silent, row
+        )
         later = expected - told
         bound = expected + gamma * (later - room * press)
         table[depth, BOUND, a] = max(table[depth, BOUND, a], bound)
         nodes += 1
         if table[depth, BOUND, a] < cutoff:
             later -= second_told(
-                teacher, graph, path, histories, groups, frames, ON_PRESS, child, depth, press
+                teacher, graph, path, histories, groups, frames, ON_PRESS, child, depth, press, row
             )
             table[depth, BOUND, a], exact[depth, a] = expected + gamma * later, True
             least = min(least, table[depth, BOUND, a])
@@ -109,7 +124,7 @@ def bounds_on(teacher, graph, path, histories, groups, frames, node, depth, step
         child, press = graph.successor[graph.first[node] + a], table[depth, PRESSES, a]
         silent = total - press
         show(teacher, graph, histories, groups, frames, child, depth)
-        told = second_told(teacher, graph, path, histories, groups, frames, SILENTLY, child, depth, silent)
+        told = second_told(teacher, graph, path, histories, groups, frames, SILENTLY, child, depth, silent, a)
         table[depth, TOLD, a], frames.exact[depth, a] = told, False
         told += press * frames.gain[depth, 1, CAPACITY]
         table[depth, BOUND, a] = least_of(frames, depth, a, told, steps, gamma)

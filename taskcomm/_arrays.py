@@ -26,7 +26,7 @@ SLOTS = 8  # steps of a history that have their own place, found by the lowest b
 HIGHEST, OTHERS, BEST, INFORMATION, CAPACITY, REACHED, ALL = range(7)  # columns of Frames.gain
 EXPECTED, PRESSES, BOUND, TOLD = range(4)  # rows of Frames.table[depth]
 COST, CUTOFF, SLACK, LEAST, ROOM, LEAST_PRESS, PRESS, VALUE = range(8)  # columns of Frames.real
-STEPS, AT, PHASE, GROUPS = range(4)  # columns of Frames.whole
+STEPS, AT, PHASE, GROUPS, CAME = range(5)  # columns of Frames.whole
 
 
 class Teacher(NamedTuple):
@@ -59,7 +59,7 @@ class Path(NamedTuple):
     """`trail[d]` is the node at depth d; `past` the patterns shown before depth 0 and at it, newest last."""
 
     past: NDArray[np.uint16]
-    trail: Ints
+    trail: Numbers
 
 
 class Given(NamedTuple):
@@ -108,8 +108,9 @@ class Groups(NamedTuple):
     Group g of depth d stands for tasks of the weights b at the root: `weight[d, g]` is sum b and `own[d,
     g]` sum b ln b; task[d, g] is one of them, history[d, g] what they have behind them. `group[d, task]` is
     g for the tasks whose bit is set in `heads[d]`. `step[g]` is the step of a group to the node looked at,
-    `after[g]` the history it has then. `channel[c]` is the (weight of a press, `apart`) of the step to
-    successor c of a node, `owes[g]` what c = 0 owes to group g.
+    `after[g]` the history it has then. `channel[d, a, c]` is the (weight of a press, `apart`) of the step to
+    successor c after action a of depth d without a press, the last a standing for a press after the one
+    searched; `owes[g]` is what c = 0 owes to group g.
     """
 
     task: Numbers

@@ -49,7 +49,7 @@ def lay_out(teacher, path, histories, groups, depth, number):
     for g in range(number):
         t, h = groups.task[depth, g], groups.history[depth, g]
         if histories.of[h, BEGIN] < 0:
-            fill(teacher, path, histories, h)
+            fill(teacher, path, histories, np.int64(h))
         groups.group[depth, t] = g
         groups.heads[depth, t >> 6] |= np.uint64(1) << np.uint64(t & 63)
         total += groups.weight[depth, g] * histories.has[h, MASS]
@@ -73,9 +73,9 @@ def go_on(teacher, path, histories, groups, frames, depth, branch):
 
 
 @fused
-def channels(teacher, graph, histories, groups, frames, at, node, depth):
+def channels(teacher, graph, histories, groups, frames, at, node, depth, channel):
     """Set channel[c] to what the groups, of histories `at`, do in a step to successor c of `node`."""
-    begin, press, apart, channel, owes = graph.first[node], 0.0, 0.0, groups.channel, groups.owes
+    begin, press, apart, owes = graph.first[node], 0.0, 0.0, groups.owes
     for g in range(frames.whole[depth, GROUPS]):
         what = graph.pattern[graph.successor[begin], groups.task[depth, g]]
         step, weight = histories.step[step_of(teacher, histories, at[g], what)], groups.weight[depth, g]
@@ -99,9 +99,9 @@ def channels(teacher, graph, histories, groups, frames, at, node, depth):
 
 
 @fused
-def told_by(mass, press, apart):
-    """What a step tells for which `press` of the mass presses."""
-    return xlogx(mass) - xlogx(press) - xlogx(mass - press) + apart
+def told_by(mass, m_ln_m, press, apart):
+    """What a step tells for which `press` of the mass presses; `m_ln_m` is the mass times its logarithm."""
+    return m_ln_m - xlogx(press) - xlogx(mass - press) + apart
 
 
 @compiled
@@ -111,29 +111,35 @@ def most_told(channel, choices, mass):
     The entropy of the output is concave in the mass of presses, so a line that touches it says which
     actions cannot tell the most.
     """
-    whole, press = xlogx(mass), channel[0, 0]
-    rest, slope = mass - press, np.inf
-    if press > NEVER and rest > NEVER:
-        pressed, silent = log(press), log(rest)
-        base, slope = whole - press * pressed - rest * silent, silent - pressed
+    m_ln_m, press = xlogx(mass), channel[0, 0]
+    rest = mass - press
+    steep, base, slope = press > NEVER and rest > NEVER, 0.0, 0.0
+    if steep:
+        slope = log(rest) - log(press)
+        base = m_ln_m - mass * log(rest) + press * slope
     else:
-        base = whole - xlogx(press) - xlogx(rest)
+        base = told_by(mass, m_ln_m, press, 0.0)
     most = max(0.0, base + channel[0, 1])
     for c in range(1, choices):
         more, further = channel[c, 0], channel[c, 1]
-        if slope < np.inf and base + slope * (more - press) + further <= most:
+        if steep and base + slope * (more - press) + further <= most:
             continue
-        most = max(most, whole - xlogx(more) - xlogx(mass - more) + further)
+        most = max(most, told_by(mass, m_ln_m, more, further))
     return most
 
 
 @called
-def told_next(teacher, graph, histories, groups, frames, node, depth, mass):
-    """The most that a step from `node` tells to the groups, of weight `mass`, with the histories `after`."""
+def told_next(teacher, graph, histories, groups, frames, node, depth, mass, row):
+    """The most that a step from `node` tells to the groups, of weight `mass`, with the histories `after`.
+
+    What its actions do is left in channel[depth, row].
+    """
+    channel = groups.channel[depth, row]
     if mass <= NEVER:
+        channel[:] = 0.0
         return 0.0
-    channels(teacher, graph, histories, groups, frames, groups.after, node, depth)
-    return most_told(groups.channel, graph.choices[node], mass)
+    channels(teacher, graph, histories, groups, frames, groups.after, node, depth, channel)
+    return most_told(channel, graph.choices[node], mass)
 
 
 @compiled

@@ -1,6 +1,8 @@
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 """Where the histories of a search begin, and how those are forgotten that it no longer needs, compiled."""
 
+import numpy as np
+
 from taskcomm._arrays import (
     BEFORE,
     BEGIN,
@@ -126,7 +128,7 @@ def forget(teacher, path, histories, groups, number, depth):
         for g in range(number[d]):
             h = groups.history[d, g]
             if of[h, BEGIN] < 0:
-                fill(teacher, path, histories, h)
+                fill(teacher, path, histories, np.int64(h))
             renamed[h] = 1
     at = kept = 0
     while at < used[USED_ROWS]:

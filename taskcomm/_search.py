@@ -19,10 +19,11 @@ and `exact` by action.
 
 import numpy as np
 
-from taskcomm._actions import bounds_on, first_steps, last_two, least_of, second_told
+from taskcomm._actions import bounds_on, first_steps, last_two, least_of, pressed, second_told
 from taskcomm._arrays import (
     AT,
     BOUND,
+    CAME,
     CAPACITY,
     COST,
     CUTOFF,
@@ -45,17 +46,20 @@ from taskcomm._arrays import (
 )
 from taskcomm._bounds import gains, least_future
 from taskcomm._channel import cost_of_press, descend, go_on, lay_out, merge, show
-from taskcomm._entropy import compiled
+from taskcomm._entropy import compiled, entry
 from taskcomm._roots import crowded, forget, plant
 
 ENTER, AFTER_SILENT, AFTER_PRESS = range(3)  # phases
 
 
 @compiled
-def _push(frames, depth, steps, cost, cutoff):
-    """Begin the search of the groups at `depth`: exact below `cutoff`."""
+def _push(frames, depth, steps, cost, cutoff, row):
+    """Begin the search of the groups at `depth`: exact below `cutoff`.
+
+    What its actions do is in that row of the `channel` of the depth before.
+    """
     frames.real[depth, COST], frames.real[depth, CUTOFF], frames.real[depth, SLACK] = cost, cutoff, 0.0
-    frames.whole[depth, STEPS], frames.whole[depth, PHASE] = steps, ENTER
+    frames.whole[depth, STEPS], frames.whole[depth, PHASE], frames.whole[depth, CAME] = steps, ENTER, row
 
 
 @compiled
@@ -95,8 +99,9 @@ def _descend(teacher, graph, path, histories, groups, frames, depth, action, lim
     steps = whole[depth, STEPS]
     child = graph.successor[graph.first[path.trail[depth]] + action]
     expected, mass = table[depth, EXPECTED, action], table[depth, PRESSES, action]
+    row = pressed(groups)
     show(teacher, graph, histories, groups, frames, child, depth)
-    told = second_told(teacher, graph, path, histories, groups, frames, ON_PRESS, child, depth, mass)
+    told = second_told(teacher, graph, path, histories, groups, frames, ON_PRESS, child, depth, mass, row)
     bound = least_of(frames, depth, action, table[depth, TOLD, action] + told, steps, gamma)
     table[depth, BOUND, action] = max(table[depth, BOUND, action], bound)
     if bound >= limit:
@@ -110,7 +115,7 @@ def _descend(teacher, graph, path, histories, groups, frames, depth, action, lim
     real[depth, LEAST_PRESS] = later + gamma * rest
     path.trail[depth + 1], whole[depth, PHASE] = child, AFTER_SILENT
     silent, room = max(0.0, expected - press), real[depth, ROOM] - real[depth, LEAST_PRESS]
-    _push(frames, depth + 1, steps - 1, silent, room)
+    _push(frames, depth + 1, steps - 1, silent, room, action)
     return True
 
 
@@ -122,7 +127,8 @@ def _descend_pressed(teacher, graph, path, histories, groups, frames, depth, sil
     go_on(teacher, path, histories, groups, frames, depth, ON_PRESS)
     descend(groups, frames, depth)
     real[depth, VALUE], whole[depth, PHASE] = silent, AFTER_PRESS
-    _push(frames, depth + 1, whole[depth, STEPS] - 1, real[depth, PRESS], real[depth, ROOM] - silent)
+    room = real[depth, ROOM] - silent
+    _push(frames, depth + 1, whole[depth, STEPS] - 1, real[depth, PRESS], room, pressed(groups))
 
 
 @compiled
@@ -169,7 +175,7 @@ def _next(teacher, graph, path, histories, groups, frames, depth, gamma):
     return False
 
 
-@compiled
+@entry
 def search(
     teacher,
     graph,
@@ -198,7 +204,7 @@ def search(
     depth, nodes, value = max(resume, 0), 0, 0.0
     if resume < 0:
         whole[0, GROUPS] = plant(teacher, path, histories, groups, given, since)
-        _push(frames, 0, steps, cost, np.inf)
+        _push(frames, 0, steps, cost, np.inf, pressed(groups))
         real[0, SLACK] = slack
     while depth >= 0:
         if whole[depth, PHASE] == ENTER:

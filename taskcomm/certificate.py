@@ -74,12 +74,13 @@ def certificate(
     since the least is either at the chosen action or at another; `same` are actions whose Q is that of the
     chosen one, whatever it is. Up to `tie` (nats) counts as 0.
     """
-    others = [bound for a, bound in enumerate(lower.tolist()) if a != chosen and a not in same]
-    regret = max(0.0, float(upper[chosen]) - min(others, default=np.inf))
+    least, most = lower.tolist(), upper.tolist()
+    others = [bound for a, bound in enumerate(least) if a != chosen and a not in same]
+    regret = max(0.0, most[chosen] - min(others, default=np.inf))
     return Certificate(
         horizon=horizon,
-        lower=dict(zip(actions, lower.tolist(), strict=True)),
-        upper=dict(zip(actions, upper.tolist(), strict=True)),
+        lower=dict(zip(actions, least, strict=True)),
+        upper=dict(zip(actions, most, strict=True)),
         regret=regret if regret > tie else 0.0,
         optimal=regret <= tie,
     )

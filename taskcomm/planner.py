@@ -142,7 +142,7 @@ class EntropyPlanner:
             for horizon in self._horizons(deadline, exact_values):
                 end = math.inf if horizon == 1 else until
                 search, ended = self._searched(belief, at, horizon, slack, end, done)
-                if search is not None:
+                if search is not None and deadline is not None:
                     looked.append(_looked(search))
                 if not ended:
                     break
@@ -164,15 +164,16 @@ class EntropyPlanner:
         """The decision of the last search that ended, certified by all that began."""
         actions = tuple(self.world.actions(asked.state))
         instead = self._instead(at, len(actions))
-        found = list(zip(search.bound.tolist(), search.exact.tolist(), search.at_most.tolist(), strict=True))
-        bound, exact, at_most = zip(*[found[a] for a in instead], strict=True)
+        lower, upper = search.bound[instead], search.at_most[instead]
+        bound, exact, at_most = lower.tolist(), search.exact[instead].tolist(), upper.tolist()
         least = min(value for value, known in zip(bound, exact, strict=True) if known)
         tied = [a for a, value in enumerate(bound) if exact[a] and value <= least + TIE]
         others = [value for a, value in enumerate(bound) if a not in tied]
         chosen = tied[0] if self.ties == "first" else tied[int(self._random.integers(len(tied)))]
-        lower, upper = self._enclosed(looked, asked.belief, search.horizon == self.horizon)
+        if search.horizon < self.horizon:
+            lower, upper = (limit[instead] for limit in self._enclosed(looked, asked.belief))
         same = [a for a, other in enumerate(instead) if other == instead[chosen]]
-        proof = certificate(actions, chosen, self.horizon, lower[instead], upper[instead], TIE, same)
+        proof = certificate(actions, chosen, self.horizon, lower, upper, TIE, same)
         return Decision(
             action=actions[chosen],
             values={action: bound[a] for a, action in enumerate(actions) if exact[a]},
@@ -199,10 +200,8 @@ class EntropyPlanner:
             return self._reduced.instead(at)
         return list(range(actions))
 
-    def _enclosed(self, looked: list[Looked], belief: Belief, ended: bool) -> tuple[Floats, Floats]:
-        """Lower and upper bounds on Q at the planner's horizon."""
-        if ended:
-            return looked[-1].lower, looked[-1].upper
+    def _enclosed(self, looked: list[Looked], belief: Belief) -> tuple[Floats, Floats]:
+        """Lower and upper bounds on Q at the planner's horizon, which lies further than was looked."""
         if self._tree is not None:
             told = self._tree.capacity
         else:
@@ -275,5 +274,4 @@ def _same_tasks(one: World, other: World) -> bool:
 def _looked(search: Search | Branched) -> Looked:
     """What a search that began says, without its arrays."""
     told = search.told if search.horizon > 2 else np.full(search.horizon, np.inf)  # it needs none before
-    upper = np.where(search.exact, search.bound, search.at_most)
-    return Looked(search.horizon, search.bound.copy(), upper, search.expected.copy(), told.copy())
+    return Looked(search.horizon, search.bound.copy(), search.at_most, search.expected.copy(), told.copy())

@@ -18,10 +18,11 @@ UNBOUNDED = 1 << 62
 
 
 class Workspace:
-    """What a search leaves to the next one: the model as arrays, and room for histories."""
+    """What a search leaves to the next one: the model as arrays, and room for groups and histories."""
 
     def __init__(self) -> None:
         self._histories: Histories | None = None
+        self._groups: dict[tuple[int, ...], Groups] = {}
         self._teacher: tuple[TeacherModel, Sequence[str], Teacher] | None = None
 
     def teacher(self, belief: Belief) -> Teacher:
@@ -30,6 +31,13 @@ class Workspace:
         if known is None or known[0] != model or known[1] != names:
             known = self._teacher = model, names, _teacher(belief)
         return known[2]
+
+    def groups(self, belief: Belief, graph: WorldGraph, horizon: int) -> Groups:
+        """Room for the groups of a search; what is in it is of searches before."""
+        size = horizon, len(belief.world.tasks), graph.most
+        if size not in self._groups:
+            self._groups = {size: _groups(*size)}
+        return self._groups[size]
 
     def histories(self, belief: Belief, rows: int) -> Histories:
         """Room for `rows` rows; what is in it is of searches before."""
@@ -72,10 +80,10 @@ class Search:
             *(graph.run, graph.changed),
         )
         start = horizon, belief.since_press, belief.entropy(), slack, gamma
-        self.horizon, self.nodes, self.fits = horizon, 0, True
+        self.horizon, self.nodes, self.fits, self._gamma = horizon, 0, True, gamma
         self._kernel, self._resume = _search.search, -1
         path, given = _path(belief, teacher, root, horizon), _given(belief)
-        groups = _groups(belief, graph, horizon)
+        groups = workspace.groups(belief, graph, horizon)
         histories = workspace.histories(belief, capacity)
         self._arguments = teacher, world, path, given, histories, groups, frames, *start
         count = int(graph.count[root])
@@ -85,7 +93,6 @@ class Search:
         self.bound: Floats = frames.table[0, _arrays.BOUND, :count]
         self.expected: Floats = frames.table[0, _arrays.EXPECTED, :count]
         self.told: Floats = frames.gain[0, :, _arrays.INFORMATION]
-        self._steps = sum(gamma**k for k in range(horizon))
 
     def run(self, until: float = math.inf) -> bool:
         """Search until the end, or about `until` (on the clock of time.perf_counter); whether it ended."""
@@ -104,7 +111,8 @@ class Search:
     @property
     def at_most(self) -> Floats:
         """An upper bound on Q by action: no step to come raises the expected entropy."""
-        return np.asarray(self.expected * self._steps, dtype=np.float64)
+        steps = sum(self._gamma**k for k in range(self.horizon))
+        return np.where(self.exact, self.bound, self.expected * steps)
 
 
 def _teacher(belief: Belief) -> Teacher:
@@ -122,7 +130,7 @@ def _path(belief: Belief, teacher: Teacher, root: int, horizon: int) -> Path:
     late = not teacher.plain and (p.steps_late.any() or p.part_late.any())
     seen = belief.seen if late else belief.seen[-1:]  # nothing before is still to be seen
     bits = np.array([1 << m for m in range(len(p.peak))], dtype=np.uint16)
-    return Path(bits @ seen, np.full(horizon + 1, root))
+    return Path(bits @ seen, np.full(horizon + 1, root, dtype=np.uint32))
 
 
 def row_bytes(belief: Belief) -> int:
@@ -161,18 +169,17 @@ def _histories(belief: Belief, rows: int) -> Histories:
     )
 
 
-def _groups(belief: Belief, graph: WorldGraph, horizon: int) -> Groups:
-    tasks = len(belief.world.tasks)
+def _groups(horizon: int, tasks: int, actions: int) -> Groups:
     return Groups(
         task=np.empty((horizon, tasks), dtype=np.uint32),
         history=np.empty((horizon, tasks), dtype=np.uint32),
         weight=np.empty((horizon, tasks)),
         own=np.empty((horizon, tasks)),
         group=np.empty((horizon, tasks), dtype=np.uint32),
-        heads=np.empty((horizon, graph.changed.shape[1]), dtype=np.uint64),
+        heads=np.empty((horizon, -(-tasks // 64)), dtype=np.uint64),
         step=np.empty(tasks, dtype=np.uint32),
         after=np.empty(tasks, dtype=np.uint32),
-        channel=np.empty((graph.most, 2)),
+        channel=np.empty((horizon, actions + 1, actions, 2)),
         owes=np.empty((tasks, 2)),
     )
 
@@ -185,6 +192,6 @@ def _frames(belief: Belief, graph: WorldGraph, horizon: int) -> Frames:
         gain=np.zeros((horizon, horizon, 7)),
         window=np.zeros(belief.seen.shape[0] + horizon, dtype=np.int64),
         real=np.zeros((horizon, 8)),
-        whole=np.zeros((horizon, 4), dtype=np.int64),
+        whole=np.zeros((horizon, 5), dtype=np.int64),
         before=np.full(graph.most, np.inf),
     )

@@ -2,20 +2,17 @@
 
 import math
 import sys
-from typing import Any
 
 import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st
+from kernels import outside
 
-from taskcomm._bits import _of_python, lowest
-from taskcomm._entropy import compiled, divergence, h2, log, xlogx
+from taskcomm import _bits, _entropy
+from taskcomm._bits import _of_python
 
-
-@compiled
-def lowest_bit(bits: Any) -> Any:
-    """From a kernel, which is where it serves."""
-    return lowest(bits)
+divergence, h2, log, xlogx = map(outside, (_entropy.divergence, _entropy.h2, _entropy.log, _entropy.xlogx))
+lowest = outside(_bits.lowest)
 
 
 @given(st.floats(sys.float_info.min, sys.float_info.max))
@@ -52,7 +49,7 @@ def test_entropy_and_divergence_are_by_definition(p: float, q: float) -> None:
 @given(st.integers(1, (1 << 64) - 1))
 @example(1 << 63)
 def test_the_lowest_bit_is_the_lowest(bits: int) -> None:
-    at = lowest_bit(np.uint64(bits))
+    at = lowest(np.uint64(bits))
     assert at == _of_python(bits)
     assert bits >> at & 1 == 1
     assert bits % (1 << at) == 0

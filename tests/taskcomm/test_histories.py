@@ -5,8 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 from decisions import Family, group
+from kernels import outside
 from teachers import random_model, small_world, wide_world
 
+from taskcomm import _histories, _roots
 from taskcomm._arrays import (
     BEGIN,
     END,
@@ -20,8 +22,6 @@ from taskcomm._arrays import (
     USED_HISTORIES,
     WEIGHT,
 )
-from taskcomm._histories import history_after, step_of
-from taskcomm._roots import crowded, forget, plant
 from taskcomm.belief import Belief
 from taskcomm.planner import EntropyPlanner
 from taskcomm.searching import Search
@@ -29,6 +29,8 @@ from taskcomm.teacher import TeacherModel
 from taskcomm.world import BallWorld, World
 from taskcomm.worldgraph import WorldGraph
 
+history_after, step_of = outside(_histories.history_after), outside(_histories.step_of)
+crowded, forget, plant = outside(_roots.crowded), outside(_roots.forget), outside(_roots.plant)
 LONG = 9
 MANY = 30  # rows: of a belief with more no press is drawn, since each multiplies them
 
