@@ -39,7 +39,7 @@ def _place(order, keys, a):
 
 @compiled
 def pressed(groups):
-    """The row of `channel` for what follows a press."""
+    """The row of `channel` for what follows a press, and for what is not kept."""
     return groups.channel.shape[1] - 1
 
 
@@ -47,7 +47,7 @@ def pressed(groups):
 def first_steps(teacher, graph, histories, groups, frames, node, depth, total):
     """C after every action at `node` and the mass of its press branch, into table.
 
-    But for the root's, `told_next` has found what they do.
+    What they do, `told_next` has found when the step to the belief was looked at, but for the root.
     """
     table, cost, t_ln_t = frames.table[depth], frames.real[depth, COST], xlogx(total)
     channel = groups.channel[max(depth - 1, 0), frames.whole[depth, CAME]]
@@ -97,7 +97,7 @@ def last_two(teacher, graph, path, histories, groups, frames, node, depth, total
             later -= second_told(
                 teacher, graph, path, histories, groups, frames, ON_PRESS, child, depth, press, row
             )
-            table[depth, BOUND, a], exact[depth, a] = expected + gamma * later, True
+            table[depth, BOUND, a], exact[depth, a] = expected + gamma * max(0.0, later), True
             least = min(least, table[depth, BOUND, a])
             nodes += 1
     return nodes

@@ -109,8 +109,8 @@ class Groups(NamedTuple):
     g]` sum b ln b; task[d, g] is one of them, history[d, g] what they have behind them. `group[d, task]` is
     g for the tasks whose bit is set in `heads[d]`. `step[g]` is the step of a group to the node looked at,
     `after[g]` the history it has then. `channel[d, a, c]` is the (weight of a press, `apart`) of the step to
-    successor c after action a of depth d without a press, the last a standing for a press after the one
-    searched; `owes[g]` is what c = 0 owes to group g.
+    successor c after action a of depth d without a press; the last row is for the one searched, with a
+    press, and for what is not kept. `owes[g]` is what c = 0 owes to group g.
     """
 
     task: Numbers

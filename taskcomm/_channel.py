@@ -136,7 +136,7 @@ def told_next(teacher, graph, histories, groups, frames, node, depth, mass, row)
     """
     channel = groups.channel[depth, row]
     if mass <= NEVER:
-        channel[:] = 0.0
+        channel[: graph.choices[node]] = 0.0
         return 0.0
     channels(teacher, graph, histories, groups, frames, groups.after, node, depth, channel)
     return most_told(channel, graph.choices[node], mass)

@@ -16,7 +16,7 @@ from taskcomm.compiling import kernel
 SEARCH = "the planner's search"
 
 # Calls that pass this many arrays cost more than what is done in them; references need no counting, since
-# nothing is allocated. What only other kernels call is compiled in two thirds of the time.
+# nothing is allocated. What only other kernels call is compiled in about two thirds of the time.
 _LIKE = {"error_model": "numpy", "_nrt": False}
 _INSIDE = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 entry = kernel(__name__, SEARCH, forceinline=True, **_LIKE)

@@ -56,7 +56,7 @@ ENTER, AFTER_SILENT, AFTER_PRESS = range(3)  # phases
 def _push(frames, depth, steps, cost, cutoff, row):
     """Begin the search of the groups at `depth`: exact below `cutoff`.
 
-    What its actions do is in that row of the `channel` of the depth before.
+    What its actions do is in that row of the `channel` of the depth before (the root's: will be, of its own).
     """
     frames.real[depth, COST], frames.real[depth, CUTOFF], frames.real[depth, SLACK] = cost, cutoff, 0.0
     frames.whole[depth, STEPS], frames.whole[depth, PHASE], frames.whole[depth, CAME] = steps, ENTER, row

@@ -131,7 +131,7 @@ class EntropyPlanner:
         started = time.perf_counter()
         if not isinstance(belief, Belief):
             raise TypeError(f"belief must be a taskcomm.Belief, not {belief!r}")
-        if belief.model != self.model or not _same_tasks(belief.world, self.world):
+        if not _same_models(belief.model, self.model) or not _same_tasks(belief.world, self.world):
             raise ValueError("the belief was made with another model or world than the planner")
         slack = np.inf if exact_values else _SLACK
         with no_collections() if deadline is None else undisturbed():
@@ -265,6 +265,11 @@ class EntropyPlanner:
 
 def _is_number(value: object) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _same_models(one: TeacherModel, other: TeacherModel) -> bool:
+    """Whether they are equal, and so is the order of what a belief knows of each approval."""
+    return one is other or (one == other and list(one.approvals) == list(other.approvals))
 
 
 def _same_tasks(one: World, other: World) -> bool:

@@ -2,7 +2,6 @@
 
 import math
 import time
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -22,22 +21,21 @@ class Workspace:
 
     def __init__(self) -> None:
         self._histories: Histories | None = None
-        self._groups: dict[tuple[int, ...], Groups] = {}
-        self._teacher: tuple[TeacherModel, Sequence[str], Teacher] | None = None
+        self._groups: tuple[tuple[int, ...], Groups] | None = None
+        self._teacher: tuple[TeacherModel, Teacher] | None = None
 
     def teacher(self, belief: Belief) -> Teacher:
         """The model of the belief."""
-        model, names, known = belief.model, belief.world.cue_names, self._teacher
-        if known is None or known[0] != model or known[1] != names:
-            known = self._teacher = model, names, _teacher(belief)
-        return known[2]
+        if self._teacher is None or self._teacher[0] != belief.model:
+            self._teacher = belief.model, _teacher(belief)
+        return self._teacher[1]
 
     def groups(self, belief: Belief, graph: WorldGraph, horizon: int) -> Groups:
         """Room for the groups of a search; what is in it is of searches before."""
         size = horizon, len(belief.world.tasks), graph.most
-        if size not in self._groups:
-            self._groups = {size: _groups(*size)}
-        return self._groups[size]
+        if self._groups is None or self._groups[0] != size:
+            self._groups = size, _groups(*size)
+        return self._groups[1]
 
     def histories(self, belief: Belief, rows: int) -> Histories:
         """Room for `rows` rows; what is in it is of searches before."""
@@ -146,7 +144,7 @@ def _given(belief: Belief) -> Given:
     row[:, _arrays.LEVEL : _arrays.LEVEL + states] = belief.level
     if belief.parameters.decays:
         row[:, _arrays.LEVEL + states :] = belief.on_time
-    return Given(belief.task.astype(np.int64, copy=False), row)
+    return Given(belief.task.astype(np.int64), row)
 
 
 def _histories(belief: Belief, rows: int) -> Histories:
@@ -179,7 +177,7 @@ def _groups(horizon: int, tasks: int, actions: int) -> Groups:
         heads=np.empty((horizon, -(-tasks // 64)), dtype=np.uint64),
         step=np.empty(tasks, dtype=np.uint32),
         after=np.empty(tasks, dtype=np.uint32),
-        channel=np.empty((horizon, actions + 1, actions, 2)),
+        channel=np.empty((max(1, horizon - 1), 1 + (actions if horizon > 2 else 0), actions, 2)),
         owes=np.empty((tasks, 2)),
     )
 
