@@ -12,6 +12,7 @@ from taskcomm import _histories, _roots
 from taskcomm._arrays import (
     BEGIN,
     END,
+    FULL,
     GROUPS,
     KEPT_HISTORIES,
     LEVEL,
@@ -38,7 +39,7 @@ MANY = 30  # rows: of a belief with more no press is drawn, since each multiplie
 class Walk:
     """One task's history in the search and in the belief, side by side."""
 
-    def __init__(self, seed: int, world_of: Any) -> None:
+    def __init__(self, seed: int, world_of: Any, rows: int = 1 << 18) -> None:
         self.rng = np.random.default_rng(seed)
         self.world: World = world_of(self.rng)
         model = random_model(self.rng, self.world)
@@ -54,7 +55,7 @@ class Walk:
         self.graph = WorldGraph(self.world, p.cue, p.peak * p.dt / p.rise, LONG)
         root = self.graph.grow(self.state, 1)
         assert root is not None
-        search = Search(self.belief, self.graph, root, LONG, 0.0, 1.0, 1 << 18)
+        search = Search(self.belief, self.graph, root, LONG, 0.0, 1.0, rows)
         self.teacher, _, self.path, given, self.histories, self.groups, *_ = search._arguments
         assert (
             plant(self.teacher, self.path, self.histories, self.groups, given, self.belief.since_press) == 1
@@ -118,6 +119,26 @@ def test_a_step_is_worked_out_once_and_patterns_with_the_same_lowest_bits_are_to
     assert len(set(steps)) == len(steps)
     assert [step_of(walk.teacher, walk.histories, walk.h, what) for what in patterns] == steps
     assert walk.histories.shown[steps].tolist() == patterns
+
+
+def test_steps_with_the_same_lowest_bits_fill_their_room_and_are_worked_out_again_when_forgotten() -> None:
+    walk = Walk(3, wide_world, rows=200)
+    used, first_steps = walk.histories.used, SLOTS * len(walk.histories.of)
+    room = len(walk.histories.step) - first_steps
+    patterns = [1 + SLOTS * k for k in range(1 + room)]
+    steps = [step_of(walk.teacher, walk.histories, walk.h, what) for what in patterns]
+    assert steps == [SLOTS * walk.h + 1, *range(first_steps, first_steps + room)]
+    assert crowded(walk.histories)
+    assert not used[FULL]
+    assert step_of(walk.teacher, walk.histories, walk.h, 1 + SLOTS * (1 + room)) == 0
+    assert used[FULL]
+    assert [step_of(walk.teacher, walk.histories, walk.h, what) for what in patterns] == steps
+    before = [walk.press(shown) for shown in patterns]
+    forget(walk.teacher, walk.path, walk.histories, walk.groups, np.array([1]), 0)
+    assert not crowded(walk.histories)
+    walk.h = int(walk.groups.history[0, 0])
+    backwards = [walk.press(shown) for shown in reversed(patterns)]
+    assert backwards[::-1] == before
 
 
 def test_what_is_not_forgotten_goes_on_as_before() -> None:

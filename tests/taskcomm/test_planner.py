@@ -260,6 +260,15 @@ def test_unknown_cues_and_foreign_beliefs_are_refused() -> None:
             EntropyPlanner(world, model).plan(Belief.initial(other, model), world.start())
 
 
+def test_a_belief_that_has_the_approvals_in_another_order_is_refused() -> None:
+    world, model = BallWorld(), TeacherModel.intuitive()
+    turned = TeacherModel(mistake=model.mistake, approvals=dict(reversed(model.approvals.items())))
+    assert turned == model
+    with pytest.raises(ValueError, match="another model or world"):
+        EntropyPlanner(world, model).plan(Belief.initial(world, turned), world.start())
+    assert EntropyPlanner(world, turned).plan(Belief.initial(world, turned), world.start()).value > 0
+
+
 def test_what_is_no_belief_is_named() -> None:
     world, nothing = BallWorld(), cast(Belief, None)  # as from a script that nobody checked the types of
     with pytest.raises(TypeError, match=r"belief must be a taskcomm\.Belief, not None"):
