@@ -31,7 +31,7 @@ class _Announcer(event.Listener):
         part = self.parts.pop(dispatcher.py_func.__module__, None)
         if part is not None:
             kept = isinstance(dispatcher._cache, _Cache)
-            log.warning("compiling %s; this takes some seconds, %s", part, _ONCE if kept else _AGAIN)
+            log.warning("compiling %s; this may take a minute, %s", part, _ONCE if kept else _AGAIN)
 
     def on_end(self, event: Any) -> None:
         """Nothing to say."""

@@ -108,7 +108,7 @@ class EntropyPlanner:
     def warm_up(self) -> None:
         """Load the compiled search, so that the first decision takes no longer than the others.
 
-        From the cache it takes a moment; on a new machine it compiles for some seconds, and says so.
+        From the cache it takes a moment; on a new machine it compiles for up to a minute, and says so.
         """
         quick = copy(self)
         quick.horizon, quick.ties = 1, "first"

@@ -17,7 +17,7 @@ from taskcomm.compiling import kernel
 def add(a, b):
     return a + b
 """
-ONCE = "compiling a sum; this takes some seconds, once per machine"
+ONCE = "compiling a sum; this may take a minute, once per machine"
 
 
 @pytest.fixture
