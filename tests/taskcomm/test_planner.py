@@ -262,7 +262,7 @@ def test_unknown_cues_and_foreign_beliefs_are_refused() -> None:
 
 def test_a_belief_that_has_the_approvals_in_another_order_is_refused() -> None:
     world, model = BallWorld(), TeacherModel.intuitive()
-    turned = TeacherModel(mistake=model.mistake, approvals=dict(reversed(model.approvals.items())))
+    turned = TeacherModel(mistake=model.mistake, approvals=dict(reversed(list(model.approvals.items()))))
     assert turned == model
     with pytest.raises(ValueError, match="another model or world"):
         EntropyPlanner(world, model).plan(Belief.initial(world, turned), world.start())
