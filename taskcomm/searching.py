@@ -108,7 +108,7 @@ class Search:
 
     @property
     def at_most(self) -> Floats:
-        """An upper bound on Q by action: no step to come raises the expected entropy."""
+        """Q by action where `exact`, else an upper bound: no step to come raises the expected entropy."""
         steps = sum(self._gamma**k for k in range(self.horizon))
         return np.where(self.exact, self.bound, self.expected * steps)
 
@@ -119,7 +119,7 @@ def _teacher(belief: Belief) -> Teacher:
     last = p.dt - first
     speeds = [last / p.rise, last / p.fall, first / p.rise, first / p.fall]
     top = np.column_stack([p.peak, *speeds, first, last, p.steps_late, p.decay, p.hold])
-    plain = not (p.steps_late.any() or p.part_late.any() or np.isfinite(p.decay).any())
+    plain = not (p.steps_late.any() or p.part_late.any() or p.decays)
     return Teacher(top, p.mistake, p.rest_steps, bool(plain))
 
 
